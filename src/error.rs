@@ -1,0 +1,154 @@
+//! The one error of the crate's public doors.
+//!
+//! Every error says which thing was wrong, what was found there, what was
+//! expected, and what to do. The kind decides the exit code of the program.
+
+use std::fmt;
+
+/// What sort of mistake it is; see `docs/errors.md` for the exit codes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Kind {
+    /// An argument or a combination of arguments makes no sense.
+    Usage,
+    /// A preset, camera or sidecar describes something impossible.
+    Config,
+    /// The bytes of an input are not what they claim to be.
+    Input,
+    /// The operating system refused to read or write.
+    Io,
+    /// The disk cannot hold the result.
+    Space,
+    /// The output exists and nobody allowed overwriting it.
+    Exists,
+    /// A program that is needed is missing or failed.
+    Tool,
+    /// Bits do not match their digest.
+    Corrupt,
+    /// The user asked to stop.
+    Interrupted,
+}
+
+impl Kind {
+    /// The exit code of the program for this kind of error.
+    #[must_use]
+    pub const fn exit_code(self) -> u8 {
+        match self {
+            Self::Usage => 2,
+            Self::Config => 3,
+            Self::Input => 4,
+            Self::Io => 5,
+            Self::Space => 6,
+            Self::Exists => 7,
+            Self::Tool => 8,
+            Self::Corrupt => 9,
+            Self::Interrupted => 130,
+        }
+    }
+}
+
+/// An error: `subject: found ..., expected ...; remedy`.
+#[derive(Debug)]
+pub struct Error {
+    kind: Kind,
+    subject: String,
+    found: String,
+    expected: String,
+    remedy: String,
+    source: Option<std::io::Error>,
+}
+
+/// A result with this crate's [`Error`].
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+impl Error {
+    /// An error of `kind` about `subject` (a file, a key, an argument).
+    #[must_use]
+    pub fn new(kind: Kind, subject: impl fmt::Display) -> Self {
+        Self {
+            kind,
+            subject: subject.to_string(),
+            found: String::new(),
+            expected: String::new(),
+            remedy: String::new(),
+            source: None,
+        }
+    }
+
+    /// The operating system's refusal of something about `subject`.
+    #[must_use]
+    pub fn io(subject: impl fmt::Display, source: std::io::Error) -> Self {
+        let kind = match source.kind() {
+            std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => Kind::Space,
+            std::io::ErrorKind::AlreadyExists => Kind::Exists,
+            _ => Kind::Io,
+        };
+        let mut error = Self::new(kind, subject).found(&source);
+        error.source = Some(source);
+        error
+    }
+
+    /// What was found.
+    #[must_use]
+    pub fn found(mut self, found: impl fmt::Display) -> Self {
+        self.found = found.to_string();
+        self
+    }
+
+    /// What was expected instead.
+    #[must_use]
+    pub fn expected(mut self, expected: impl fmt::Display) -> Self {
+        self.expected = expected.to_string();
+        self
+    }
+
+    /// What the user can do about it.
+    #[must_use]
+    pub fn remedy(mut self, remedy: impl fmt::Display) -> Self {
+        self.remedy = remedy.to_string();
+        self
+    }
+
+    /// The same error about something inside `outer`, as `outer: subject`.
+    #[must_use]
+    pub fn within(mut self, outer: impl fmt::Display) -> Self {
+        self.subject = format!("{outer}: {}", self.subject);
+        self
+    }
+
+    /// The sort of mistake.
+    #[must_use]
+    pub const fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    /// The thing the error is about.
+    #[must_use]
+    pub fn subject(&self) -> &str {
+        &self.subject
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.subject)?;
+        let mut separator = ": ";
+        for (label, text) in [
+            ("found ", &self.found),
+            ("expected ", &self.expected),
+            ("", &self.remedy),
+        ] {
+            if !text.is_empty() {
+                write!(f, "{separator}{label}{text}")?;
+                separator = if label == "found " { ", " } else { "; " };
+            }
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        self.source.as_ref().map(|e| e as _)
+    }
+}

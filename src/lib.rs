@@ -1,0 +1,7 @@
+//! Spike-camera simulation: light in, bit-packed spike streams out.
+
+pub mod error;
+pub mod spikes;
+
+pub use error::{Error, Kind, Result};
+pub use spikes::{Geometry, Packed};

@@ -1,0 +1,3 @@
+//! The `spikelane` program.
+
+fn main() {}
