@@ -5,3 +5,8 @@ pub mod spikes;
 
 pub use error::{Error, Kind, Result};
 pub use spikes::{Geometry, Packed};
+pub mod draws;
+pub mod effects;
+pub mod pixel;
+pub mod sensor;
+pub mod units;

@@ -1,0 +1,60 @@
+//! Writes the kernel's random words to standard output, in one of the orders
+//! in which the kernel consumes them: `random_words pixels|readouts|streams [SEED]`.
+//! `benches/random.sh` feeds them to dieharder.
+
+use std::io::{BufWriter, Write};
+
+use spikelane::draws::hash::{Clock, Round, bits, key};
+use spikelane::draws::{Seeds, Stream};
+
+/// Pairs of a 400x250 sensor.
+const PAIRS: u32 = 50_000;
+
+fn main() -> std::io::Result<()> {
+    let order = std::env::args().nth(1).unwrap_or_else(|| "pixels".to_owned());
+    let seed = std::env::args().nth(2).and_then(|s| s.parse().ok()).unwrap_or(1);
+    let seeds = Seeds { shot: seed, ..Seeds::default() };
+    let shot = Clock::new(seeds, Stream::named("shot_noise"));
+    let thermal = Clock::new(seeds, Stream::named("thermal_noise"));
+    let mut out = BufWriter::with_capacity(1 << 20, std::io::stdout().lock());
+    let written = match order.as_str() {
+        "pixels" => along_pixels(&mut out, &[shot]),
+        "streams" => along_pixels(&mut out, &[shot, thermal]),
+        "readouts" => along_readouts(&mut out, shot),
+        other => {
+            eprintln!("random_words: found \"{other}\", expected pixels, readouts or streams");
+            std::process::exit(2);
+        }
+    };
+    match written {
+        // The reader has had enough.
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        other => other,
+    }
+}
+
+/// Frame after frame; with several streams their words alternate.
+fn along_pixels(out: &mut impl Write, clocks: &[Clock]) -> std::io::Result<()> {
+    for readout in 0.. {
+        let rounds: Vec<Round> = clocks.iter().map(|c| c.round(readout)).collect();
+        for pair in 0..PAIRS {
+            for &round in &rounds {
+                out.write_all(&bits(key(pair), round).to_le_bytes())?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A thousand readouts of one pair, then of the next; then the next thousand.
+fn along_readouts(out: &mut impl Write, clock: Clock) -> std::io::Result<()> {
+    for block in 0u64.. {
+        let rounds: Vec<Round> = (0..1000).map(|t| clock.round(block * 1000 + t)).collect();
+        for pair in 0..PAIRS {
+            for &round in &rounds {
+                out.write_all(&bits(key(pair), round).to_le_bytes())?;
+            }
+        }
+    }
+    Ok(())
+}

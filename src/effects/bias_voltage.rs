@@ -1,0 +1,40 @@
+//! Offset of the comparator's threshold voltage, different in every pixel.
+
+use crate::draws::pattern::Pattern;
+use crate::effects::circuit::Circuit;
+use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::sensor::Sensor;
+use crate::units::Unit;
+
+/// The effect `bias_voltage`.
+pub const EFFECT: Definition = Definition {
+    name: "bias_voltage",
+    summary: "The threshold voltage has an offset of its own in every pixel; its mean belongs to the nominal threshold.",
+    source: "SCSim, arXiv 2405.16790, Algorithm 1, the map V_S",
+    params: &[
+        Param::number("mean", Unit::Volt, (-10.0, 10.0), 0.0, -0.0076, "mean over the pixels"),
+        Param::number("sigma", Unit::Volt, (0.0, 10.0), 0.0, 0.0497, "Gaussian spread over the pixels"),
+    ],
+    edit,
+    ops: no_ops,
+    moments,
+};
+
+fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
+    // Full scale is defined by the mean pixel, so a mean offset moves it along (the
+    // published code's full-scale current is that of 1.0924 V, not of 1.1 V).
+    circuit.nominal_v += v[0];
+    for (swing, z) in circuit.swing_v.iter_mut().zip(pattern.normals_if(v[1] != 0.0)) {
+        *swing += v[0] + v[1] * z;
+    }
+}
+
+fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
+    // The mean of 1/(1 + e) is 1 + var(e) to second order.
+    let variance = (v[1] / at.swing_v).powi(2);
+    Some(Moments {
+        rate: at.increment() * variance,
+        phase_variance: 0.0,
+        spatial_variance: variance,
+    })
+}

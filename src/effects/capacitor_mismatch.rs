@@ -1,0 +1,38 @@
+//! Capacitors differ from pixel to pixel.
+
+use crate::draws::pattern::Pattern;
+use crate::effects::circuit::Circuit;
+use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::sensor::Sensor;
+use crate::units::Unit;
+
+/// The effect `capacitor_mismatch`.
+pub const EFFECT: Definition = Definition {
+    name: "capacitor_mismatch",
+    summary: "The charge node's capacitance spreads over the pixels, and the threshold charge with it.",
+    source: "SCSim, arXiv 2405.16790, Algorithm 1, the map C_S",
+    params: &[
+        Param::number("sigma", Unit::Femtofarad, (0.0, 1e3), 0.0, 0.0128, "Gaussian spread"),
+    ],
+    edit,
+    ops: no_ops,
+    moments,
+};
+
+fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
+    if v[0] == 0.0 {
+        return;
+    }
+    for (c, z) in circuit.capacitance_ff.iter_mut().zip(pattern.normals()) {
+        *c += v[0] * z;
+    }
+}
+
+fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
+    let variance = (v[0] / at.capacitance_ff).powi(2);
+    Some(Moments {
+        rate: at.increment() * variance,
+        phase_variance: 0.0,
+        spatial_variance: variance,
+    })
+}

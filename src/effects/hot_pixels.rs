@@ -1,0 +1,42 @@
+//! Pixels whose dark current is far above the others'.
+
+use crate::draws::pattern::Pattern;
+use crate::effects::circuit::Circuit;
+use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::sensor::Sensor;
+use crate::units::Unit;
+
+/// The effect `hot_pixels`.
+pub const EFFECT: Definition = Definition {
+    name: "hot_pixels",
+    summary: "A share of the pixels has many times the mean dark current.",
+    source: "calibration maps: 0.69 % of the pixels above five robust deviations",
+    params: &[
+        Param::number("fraction", Unit::One, (0.0, 1.0), 0.0, 0.007, "share of the pixels"),
+        Param::number("factor", Unit::One, (0.0, 1e4), 1.0, 8.0, "their dark current over the mean"),
+    ],
+    edit,
+    ops: no_ops,
+    moments,
+};
+
+fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
+    if v[0] == 0.0 {
+        return;
+    }
+    let mean = circuit.dark_pa.iter().sum::<f64>() / circuit.dark_pa.len() as f64;
+    for (dark, u) in circuit.dark_pa.iter_mut().zip(pattern.uniforms()) {
+        if u < v[0] {
+            *dark += (v[1] - 1.0) * mean;
+        }
+    }
+}
+
+fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
+    let extra = (v[1] - 1.0) * at.from_dark / at.increment();
+    Some(Moments {
+        rate: v[0] * (v[1] - 1.0) * at.from_dark,
+        phase_variance: 0.0,
+        spatial_variance: v[0] * (1.0 - v[0]) * extra * extra,
+    })
+}

@@ -1,0 +1,59 @@
+//! Everything that makes a pixel imperfect: one file per effect.
+//!
+//! An effect edits the circuit of the pixels, or names operations that every
+//! readout carries out, and predicts what an observer will see. To add one,
+//! write its file and its line in the list below; it then has its keys in
+//! presets and on the command line, every backend, its row in the docs and
+//! its property tests.
+
+mod camera;
+pub mod circuit;
+pub mod definition;
+
+pub use camera::{Camera, Maps, Model};
+pub use circuit::Circuit;
+pub use definition::{Definition, Effect, Moments, Operating, Param};
+
+use crate::error::{Error, Kind, Result};
+
+macro_rules! effects {
+    ($($name:ident),* $(,)?) => {
+        $(pub mod $name;)*
+
+        /// Every effect, in the order in which circuits are edited.
+        pub const ALL: &[&Definition] = &[$(&$name::EFFECT),*];
+    };
+}
+
+effects![
+    capacitor_mismatch,
+    bias_voltage,
+    prnu,
+    vignetting,
+    dark_current,
+    dark_tail,
+    hot_pixels,
+    dead_pixels,
+    shot_noise,
+    dark_shot_noise,
+    thermal_noise,
+    start_phase,
+    dead_time,
+    partial_reset,
+    saturation_clamp,
+    missed_spikes,
+    false_spikes,
+];
+
+/// The effect called `name`.
+///
+/// # Errors
+/// When there is none; the error lists those there are.
+pub fn find(name: &str) -> Result<&'static Definition> {
+    ALL.iter().copied().find(|d| d.name == name).ok_or_else(|| {
+        let names: Vec<_> = ALL.iter().map(|d| d.name).collect();
+        Error::new(Kind::Config, "effect")
+            .found(format_args!("\"{name}\""))
+            .expected(format_args!("one of {}", names.join(", ")))
+    })
+}

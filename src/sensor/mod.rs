@@ -1,0 +1,77 @@
+//! Which camera: geometry, readout rate, nominal circuit.
+
+use crate::error::{Error, Kind, Result};
+use crate::spikes::Geometry;
+use crate::units::ELECTRON_FC;
+
+/// A sensor whose pixels are all alike; effects make them differ.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sensor {
+    /// Pixels.
+    pub geometry: Geometry,
+    /// Readouts per second.
+    pub readout_hz: f64,
+    /// Capacitance of the charge node in femtofarads.
+    pub capacitance_ff: f64,
+    /// Voltage swing between reset and comparison (`V_rst - V_ref`) in volts.
+    pub swing_v: f64,
+    /// Nominal thresholds that full-scale light (255, 65535, 1.0) adds per readout.
+    pub thresholds_at_full_scale: f64,
+}
+
+impl Sensor {
+    /// A sensor with the circuit of the SCSim paper: 4.348 fF, 3.3 V - 2.2 V,
+    /// and one threshold per readout at full scale.
+    ///
+    /// # Errors
+    /// See [`Geometry::new`]; the readout rate must be positive and finite.
+    pub fn new(width: u32, height: u32, readout_hz: f64) -> Result<Self> {
+        let sensor = Self {
+            geometry: Geometry::new(width, height)?,
+            readout_hz,
+            capacitance_ff: 4.348,
+            swing_v: 1.1,
+            thresholds_at_full_scale: 1.0,
+        };
+        sensor.validated()
+    }
+
+    /// This sensor, if its numbers can describe one.
+    ///
+    /// # Errors
+    /// When the rate, the capacitance or the swing is not positive and
+    /// finite, or the sensitivity is negative or not finite.
+    pub fn validated(self) -> Result<Self> {
+        let positive = [
+            ("readout rate (Hz)", self.readout_hz),
+            ("capacitance (fF)", self.capacitance_ff),
+            ("voltage swing (V)", self.swing_v),
+        ];
+        for (what, value) in positive {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(Error::new(Kind::Config, what)
+                    .found(value)
+                    .expected("a positive number"));
+            }
+        }
+        let sensitivity = self.thresholds_at_full_scale;
+        if !(sensitivity.is_finite() && sensitivity >= 0.0) {
+            return Err(Error::new(Kind::Config, "thresholds at full scale")
+                .found(sensitivity)
+                .expected("zero or more"));
+        }
+        Ok(self)
+    }
+
+    /// Duration of a readout in seconds.
+    #[must_use]
+    pub fn period_s(&self) -> f64 {
+        1.0 / self.readout_hz
+    }
+
+    /// Electrons in a charge of `charge_fc` femtocoulombs.
+    #[must_use]
+    pub fn electrons(charge_fc: f64) -> f64 {
+        charge_fc / ELECTRON_FC
+    }
+}

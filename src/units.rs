@@ -1,0 +1,146 @@
+//! Quantities with their units, as texts give them.
+//!
+//! Inside the crate a quantity is an `f64` in the unit that its name ends in
+//! (`capacitance_ff`, `dark_pa`). At the doors, in presets and on the command
+//! line, a quantity is a text such as `"4.348 fF"`; a bare number is only
+//! accepted where the quantity has no dimension.
+
+use crate::error::{Error, Kind, Result};
+
+/// Charge of an electron in femtocoulombs (CODATA 2018, exact).
+pub const ELECTRON_FC: f64 = 1.602_176_634e-4;
+
+/// Boltzmann's constant in joules per kelvin (CODATA 2018, exact).
+pub const BOLTZMANN_J_PER_K: f64 = 1.380_649e-23;
+
+/// The unit in which a parameter is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// A ratio, a probability, a count: no dimension.
+    One,
+    /// Volts.
+    Volt,
+    /// Femtofarads.
+    Femtofarad,
+    /// Femtocoulombs.
+    Femtocoulomb,
+    /// Picoamperes.
+    Picoampere,
+    /// Kelvins.
+    Kelvin,
+    /// Hertz.
+    Hertz,
+    /// Readout periods.
+    Readout,
+    /// Electrons, or photons where the text says so.
+    Electron,
+    /// Pixels.
+    Pixel,
+}
+
+/// Suffixes and the factor that turns each into the stored unit.
+type Suffixes = &'static [(&'static str, f64)];
+
+impl Unit {
+    /// The symbol of the stored unit; empty for [`Unit::One`].
+    #[must_use]
+    pub fn symbol(self) -> &'static str {
+        self.suffixes().first().map_or("", |s| s.0)
+    }
+
+    fn suffixes(self) -> Suffixes {
+        match self {
+            Self::One => &[],
+            Self::Volt => &[("V", 1.0), ("mV", 1e-3), ("uV", 1e-6), ("nV", 1e-9)],
+            Self::Femtofarad => &[("fF", 1.0), ("pF", 1e3), ("aF", 1e-3)],
+            Self::Femtocoulomb => &[("fC", 1.0), ("pC", 1e3), ("aC", 1e-3)],
+            Self::Picoampere => &[("pA", 1.0), ("nA", 1e3), ("fA", 1e-3)],
+            Self::Kelvin => &[("K", 1.0)],
+            Self::Hertz => &[("Hz", 1.0), ("kHz", 1e3), ("MHz", 1e6)],
+            Self::Readout => &[("readouts", 1.0), ("readout", 1.0)],
+            Self::Electron => &[("electrons", 1.0), ("photons", 1.0), ("e", 1.0)],
+            Self::Pixel => &[("px", 1.0), ("pixels", 1.0)],
+        }
+    }
+
+    /// Reads `text`, a number followed by one of this unit's symbols.
+    ///
+    /// # Errors
+    /// When the number cannot be read, is not finite, or the unit is missing or another.
+    pub fn parse(self, text: &str) -> Result<f64> {
+        let text = text.trim();
+        let split = text
+            .char_indices()
+            .find(|&(i, c)| {
+                let exponent = matches!(c, 'e' | 'E')
+                    && text[i + 1..].starts_with(|d: char| d.is_ascii_digit() || "+-".contains(d));
+                !(c.is_ascii_digit() || "+-._".contains(c) || exponent)
+            })
+            .map_or(text.len(), |(i, _)| i);
+        let (number, suffix) = (text[..split].trim(), text[split..].trim());
+        let value: f64 = number
+            .parse()
+            .ok()
+            .filter(|v: &f64| v.is_finite())
+            .ok_or_else(|| self.unreadable(text))?;
+        if matches!(self, Self::One) {
+            return match suffix {
+                "" => Ok(value),
+                "%" => Ok(value / 100.0),
+                _ => Err(self.unreadable(text)),
+            };
+        }
+        let factor = self.suffixes().iter().find(|s| s.0 == suffix);
+        factor
+            .map(|&(_, factor)| value * factor)
+            .ok_or_else(|| self.unreadable(text))
+    }
+
+    /// `value` with its symbol, as [`Unit::parse`] reads it back exactly.
+    #[must_use]
+    pub fn format(self, value: f64) -> String {
+        match self.symbol() {
+            "" => format!("{value}"),
+            symbol => format!("{value} {symbol}"),
+        }
+    }
+
+    fn unreadable(self, text: &str) -> Error {
+        let expected = match self {
+            Self::One => "a number without a unit".to_owned(),
+            _ => {
+                let names: Vec<_> = self.suffixes().iter().map(|s| s.0).collect();
+                format!("a number with its unit ({})", names.join(", "))
+            }
+        };
+        Error::new(Kind::Config, "quantity")
+            .found(format_args!("\"{text}\""))
+            .expected(expected)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_printed_quantity_reads_back_to_the_same_bits() {
+        for unit in [Unit::Volt, Unit::Femtofarad, Unit::One, Unit::Hertz] {
+            for value in [0.0, -0.0076, 1.0 / 3.0, 9.644e-9, 2e4] {
+                let text = unit.format(value);
+                assert_eq!(unit.parse(&text).unwrap().to_bits(), value.to_bits(), "{text}");
+            }
+        }
+    }
+
+    #[test]
+    fn prefixes_scale_and_foreign_units_are_refused() {
+        assert!((Unit::Volt.parse("6.36 mV").unwrap() - 6.36e-3).abs() < 1e-18);
+        assert!((Unit::Hertz.parse("20kHz").unwrap() - 2e4).abs() < 1e-9);
+        assert!((Unit::Electron.parse("2e4 e").unwrap() - 2e4).abs() < 1e-9);
+        for wrong in ["1", "1 A", "mV", "1 V V", "inf V", "nan V", ""] {
+            assert!(Unit::Volt.parse(wrong).is_err(), "{wrong}");
+        }
+        assert!(Unit::One.parse("3 V").is_err());
+    }
+}
