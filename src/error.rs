@@ -133,11 +133,7 @@ impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.subject)?;
         let mut separator = ": ";
-        for (label, text) in [
-            ("found ", &self.found),
-            ("expected ", &self.expected),
-            ("", &self.remedy),
-        ] {
+        for (label, text) in [("found ", &self.found), ("expected ", &self.expected), ("", &self.remedy)] {
             if !text.is_empty() {
                 write!(f, "{separator}{label}{text}")?;
                 separator = if label == "found " { ", " } else { "; " };

@@ -78,11 +78,8 @@ impl Unit {
             })
             .map_or(text.len(), |(i, _)| i);
         let (number, suffix) = (text[..split].trim(), text[split..].trim());
-        let value: f64 = number
-            .parse()
-            .ok()
-            .filter(|v: &f64| v.is_finite())
-            .ok_or_else(|| self.unreadable(text))?;
+        let value: f64 =
+            number.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| self.unreadable(text))?;
         if matches!(self, Self::One) {
             return match suffix {
                 "" => Ok(value),
@@ -91,9 +88,7 @@ impl Unit {
             };
         }
         let factor = self.suffixes().iter().find(|s| s.0 == suffix);
-        factor
-            .map(|&(_, factor)| value * factor)
-            .ok_or_else(|| self.unreadable(text))
+        factor.map(|&(_, factor)| value * factor).ok_or_else(|| self.unreadable(text))
     }
 
     /// `value` with its symbol, as [`Unit::parse`] reads it back exactly.
@@ -113,9 +108,7 @@ impl Unit {
                 format!("a number with its unit ({})", names.join(", "))
             }
         };
-        Error::new(Kind::Config, "quantity")
-            .found(format_args!("\"{text}\""))
-            .expected(expected)
+        Error::new(Kind::Config, "quantity").found(format_args!("\"{text}\"")).expected(expected)
     }
 }
 

@@ -61,11 +61,7 @@ impl Clock {
     pub const fn round(self, readout: u64) -> Round {
         let a = mix64(self.0 ^ mix64(readout.wrapping_add(0x2545_f491_4f6c_dd1d)));
         let b = mix64(a ^ 0x6a09_e667_f3bc_c909);
-        Round {
-            offset: a as u32,
-            first: (a >> 32) as u32 | 1,
-            second: b as u32 | 1,
-        }
+        Round { offset: a as u32, first: (a >> 32) as u32 | 1, second: b as u32 | 1 }
     }
 
     /// 32 random bits for `key` at `readout`.

@@ -78,11 +78,7 @@ impl Tables {
         let i = point as usize;
         let share = ((mean - self.mean[i]) * self.inverse_step[i]).clamp(0.0, 512.0);
         let share = share.round_ties_even();
-        Prepared {
-            point,
-            share: share as u32,
-            mean: self.mean[i] + share * self.step[i],
-        }
+        Prepared { point, share: share as u32, mean: self.mean[i] + share * self.step[i] }
     }
 
     /// The count that belongs to 32 random bits.

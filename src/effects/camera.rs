@@ -179,16 +179,13 @@ impl Model {
         });
         let Some(p) = bad else { return Ok(()) };
         let width = c.geometry.width();
-        Err(Error::new(
-            Kind::Config,
-            format_args!("pixel at row {}, col {}", p / width, p % width),
-        )
-        .found(format_args!(
-            "{:.4} fF, {:.4} V, gain {:.4}, {:.4} pA",
-            c.capacitance_ff[p], c.swing_v[p], c.gain[p], c.dark_pa[p]
-        ))
-        .expected("a positive threshold and finite numbers")
-        .remedy("lower the spread of capacitor_mismatch or bias_voltage"))
+        Err(Error::new(Kind::Config, format_args!("pixel at row {}, col {}", p / width, p % width))
+            .found(format_args!(
+                "{:.4} fF, {:.4} V, gain {:.4}, {:.4} pA",
+                c.capacitance_ff[p], c.swing_v[p], c.gain[p], c.dark_pa[p]
+            ))
+            .expected("a positive threshold and finite numbers")
+            .remedy("lower the spread of capacitor_mismatch or bias_voltage"))
     }
 
     /// The exact law of pixel `p`.

@@ -68,11 +68,12 @@ impl Param {
 
     fn check(&self, value: f64) -> Result<f64> {
         match self.form {
-            Form::Number { unit, low, high } if !(low..=high).contains(&value) => {
-                Err(Error::new(Kind::Config, self.key)
-                    .found(unit.format(value))
-                    .expected(format_args!("{} to {}", unit.format(low), unit.format(high))))
-            }
+            Form::Number { unit, low, high } if !(low..=high).contains(&value) => Err(Error::new(
+                Kind::Config,
+                self.key,
+            )
+            .found(unit.format(value))
+            .expected(format_args!("{} to {}", unit.format(low), unit.format(high)))),
             Form::Choice(words) if value.fract() != 0.0 || value < 0.0 || value >= words.len() as f64 => {
                 Err(Error::new(Kind::Config, self.key)
                     .found(value)
@@ -205,19 +206,13 @@ impl Definition {
     /// An effect with neutral parameters.
     #[must_use]
     pub fn neutral(&'static self) -> Effect {
-        Effect {
-            definition: self,
-            values: self.params.iter().map(|p| p.neutral).collect(),
-        }
+        Effect { definition: self, values: self.params.iter().map(|p| p.neutral).collect() }
     }
 
     /// An effect with typical parameters.
     #[must_use]
     pub fn typical(&'static self) -> Effect {
-        Effect {
-            definition: self,
-            values: self.params.iter().map(|p| p.typical).collect(),
-        }
+        Effect { definition: self, values: self.params.iter().map(|p| p.typical).collect() }
     }
 }
 

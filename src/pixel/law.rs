@@ -76,11 +76,7 @@ impl Law {
 
     /// The pixel just after it was switched on with `charge`.
     pub fn start(&self, charge: f64, noise: &mut impl Noise) -> State {
-        State {
-            charge,
-            fired: false,
-            held: self.noise * noise.normal(),
-        }
+        State { charge, fired: false, held: self.noise * noise.normal() }
     }
 
     /// One readout under `light`; returns the reported bit.
@@ -129,9 +125,7 @@ mod tests {
 
     fn intervals(law: Law, light: f64, readouts: usize) -> Vec<usize> {
         let mut state = law.start(0.0, &mut Silent);
-        let times: Vec<_> = (0..readouts)
-            .filter(|_| law.step(&mut state, light, &mut Silent))
-            .collect();
+        let times: Vec<_> = (0..readouts).filter(|_| law.step(&mut state, light, &mut Silent)).collect();
         times.windows(2).map(|w| w[1] - w[0]).collect()
     }
 

@@ -49,9 +49,7 @@ impl Sensor {
         ];
         for (what, value) in positive {
             if !(value.is_finite() && value > 0.0) {
-                return Err(Error::new(Kind::Config, what)
-                    .found(value)
-                    .expected("a positive number"));
+                return Err(Error::new(Kind::Config, what).found(value).expected("a positive number"));
             }
         }
         let sensitivity = self.thresholds_at_full_scale;

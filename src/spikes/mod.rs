@@ -146,9 +146,6 @@ pub fn set_bit(frame: &mut [u8], p: usize) {
 #[must_use]
 pub fn count(bytes: &[u8]) -> u64 {
     let (words, tail) = bytes.as_chunks::<8>();
-    let whole: u64 = words
-        .iter()
-        .map(|w| u64::from(u64::from_le_bytes(*w).count_ones()))
-        .sum();
+    let whole: u64 = words.iter().map(|w| u64::from(u64::from_le_bytes(*w).count_ones())).sum();
     whole + tail.iter().map(|b| u64::from(b.count_ones())).sum::<u64>()
 }

@@ -1,0 +1,367 @@
+//! 256-bit vectors: AVX2.
+
+#![allow(unsafe_code, reason = "instructions that the token proves the CPU to have")]
+
+use std::arch::x86_64::*;
+
+use crate::draws::gauss;
+use crate::kernels::Job;
+use crate::kernels::body;
+use crate::kernels::lanes::Lanes;
+use crate::plan::StateParts;
+
+/// Proof that the CPU has the instructions: only [`Avx2::detect`] makes one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Avx2(());
+
+impl Avx2 {
+    /// The token, if this CPU has AVX2.
+    pub fn detect() -> Option<Self> {
+        is_x86_feature_detected!("avx2").then_some(Self(()))
+    }
+}
+
+/// Runs the job with 256-bit vectors.
+pub(super) fn run(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+    let token = Avx2::detect().expect("the avx2 backend needs AVX2");
+    // SAFETY: the token proves the feature that `enter` is compiled with.
+    unsafe { enter(token, job, state, out) }
+}
+
+#[target_feature(enable = "avx2")]
+fn enter(token: Avx2, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+    body::run(token, job, state, out);
+}
+
+/// An instruction on values.
+macro_rules! proven {
+    ($e:expr) => {{
+        // SAFETY: `self` exists only where the CPU has the instructions; they touch no memory.
+        unsafe { $e }
+    }};
+}
+
+/// An instruction on the memory of a slice that has just been cut to size.
+macro_rules! memory {
+    ($e:expr) => {{
+        // SAFETY: `self` exists only where the CPU has the instructions; the pointer comes from a
+        // slice of exactly the bytes that the unaligned instruction touches.
+        unsafe { $e }
+    }};
+}
+
+const fn repeated(table: [i8; 16]) -> [i8; 32] {
+    let mut all = [0; 32];
+    let mut i = 0;
+    while i < 32 {
+        all[i] = table[i % 16];
+        i += 1;
+    }
+    all
+}
+
+/// The byte shuffle works within each half of the vector.
+static LOW: [i8; 32] = repeated(gauss::LOW);
+static HIGH: [i8; 32] = repeated(gauss::HIGH);
+
+type Pair = [__m256i; 2];
+type PairF = [__m256; 2];
+
+impl Avx2 {
+    #[inline(always)]
+    fn each(self, a: Pair, b: Pair, f: impl Fn(__m256i, __m256i) -> __m256i) -> Pair {
+        [f(a[0], b[0]), f(a[1], b[1])]
+    }
+
+    #[inline(always)]
+    fn each_f(self, a: PairF, b: PairF, f: impl Fn(__m256, __m256) -> __m256) -> PairF {
+        [f(a[0], b[0]), f(a[1], b[1])]
+    }
+
+    /// Sixteen words out of two vectors of 32-bit words below 65,536.
+    #[inline(always)]
+    fn pack(self, a: __m256i, b: __m256i) -> __m256i {
+        // Packing works within halves; the permutation puts the quarters in order.
+        proven!(_mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packus_epi32(a, b)))
+    }
+}
+
+impl Lanes for Avx2 {
+    const N: usize = 16;
+    type Half = __m256i;
+    type Word = Pair;
+    type Float = PairF;
+    type Mask = __m256i;
+
+    #[inline(always)]
+    fn load(self, from: &[i16], at: usize) -> __m256i {
+        let from = &from[at..at + 16];
+        memory!(_mm256_loadu_si256(from.as_ptr().cast()))
+    }
+    #[inline(always)]
+    fn store(self, to: &mut [i16], at: usize, v: __m256i) {
+        let to = &mut to[at..at + 16];
+        memory!(_mm256_storeu_si256(to.as_mut_ptr().cast(), v));
+    }
+    #[inline(always)]
+    fn splat(self, v: i16) -> __m256i {
+        proven!(_mm256_set1_epi16(v))
+    }
+    #[inline(always)]
+    fn add(self, a: __m256i, b: __m256i) -> __m256i {
+        proven!(_mm256_add_epi16(a, b))
+    }
+    #[inline(always)]
+    fn add_saturating(self, a: __m256i, b: __m256i) -> __m256i {
+        proven!(_mm256_adds_epi16(a, b))
+    }
+    #[inline(always)]
+    fn min(self, a: __m256i, b: __m256i) -> __m256i {
+        proven!(_mm256_min_epi16(a, b))
+    }
+    #[inline(always)]
+    fn scale(self, a: __m256i, b: __m256i) -> __m256i {
+        proven!(_mm256_mulhrs_epi16(a, b))
+    }
+    #[inline(always)]
+    fn greater(self, a: __m256i, b: __m256i) -> __m256i {
+        proven!(_mm256_cmpgt_epi16(a, b))
+    }
+    #[inline(always)]
+    fn select(self, m: __m256i, a: __m256i, b: __m256i) -> __m256i {
+        proven!(_mm256_blendv_epi8(b, a, m))
+    }
+    #[inline(always)]
+    fn sub_where(self, m: __m256i, a: __m256i, b: __m256i) -> __m256i {
+        proven!(_mm256_sub_epi16(a, _mm256_and_si256(m, b)))
+    }
+    #[inline(always)]
+    fn increment_where(self, m: __m256i, a: __m256i) -> __m256i {
+        proven!(_mm256_subs_epi16(a, m))
+    }
+    #[inline(always)]
+    fn and(self, a: __m256i, b: __m256i) -> __m256i {
+        proven!(_mm256_and_si256(a, b))
+    }
+    #[inline(always)]
+    fn or(self, a: __m256i, b: __m256i) -> __m256i {
+        proven!(_mm256_or_si256(a, b))
+    }
+    #[inline(always)]
+    fn not(self, a: __m256i) -> __m256i {
+        proven!(_mm256_xor_si256(a, _mm256_set1_epi16(-1)))
+    }
+    #[inline(always)]
+    fn bits(self, m: __m256i) -> u32 {
+        // Each half packs to eight bytes of its own.
+        let bits = proven!(_mm256_movemask_epi8(_mm256_packs_epi16(m, _mm256_setzero_si256()))) as u32;
+        bits & 0xff | bits >> 8 & 0xff00
+    }
+    #[inline(always)]
+    fn load_pairs(self, from: &[u32], at: usize) -> __m256i {
+        let from = &from[at..at + 8];
+        memory!(_mm256_loadu_si256(from.as_ptr().cast()))
+    }
+    #[inline(always)]
+    fn splat_pair(self, v: u32) -> __m256i {
+        proven!(_mm256_set1_epi32(v as i32))
+    }
+    #[inline(always)]
+    fn xor(self, a: __m256i, b: __m256i) -> __m256i {
+        proven!(_mm256_xor_si256(a, b))
+    }
+    #[inline(always)]
+    fn mul_pairs(self, a: __m256i, b: __m256i) -> __m256i {
+        proven!(_mm256_mullo_epi32(a, b))
+    }
+    #[inline(always)]
+    fn shr_pairs<const BITS: u32>(self, a: __m256i) -> __m256i {
+        proven!(_mm256_srl_epi32(a, _mm_cvtsi32_si128(const { BITS as i32 })))
+    }
+    #[inline(always)]
+    fn gauss(self, bits: __m256i) -> __m256i {
+        memory!({
+            // The shuffle takes the low four bits of an index whose top bit is clear.
+            let mask = _mm256_set1_epi8(15);
+            let low = _mm256_loadu_si256(LOW.as_ptr().cast());
+            let low = _mm256_shuffle_epi8(low, _mm256_and_si256(bits, mask));
+            let high = _mm256_loadu_si256(HIGH.as_ptr().cast());
+            let high = _mm256_shuffle_epi8(high, _mm256_and_si256(_mm256_srli_epi16::<4>(bits), mask));
+            let weights = _mm256_set1_epi16(const { gauss::WEIGHTS[1] << 8 | gauss::WEIGHTS[0] });
+            _mm256_maddubs_epi16(weights, _mm256_add_epi8(low, high))
+        })
+    }
+    #[inline(always)]
+    fn load_f(self, from: &[f32], at: usize) -> PairF {
+        let from = &from[at..at + 16];
+        memory!([_mm256_loadu_ps(from.as_ptr()), _mm256_loadu_ps(from[8..].as_ptr())])
+    }
+    #[inline(always)]
+    fn splat_f(self, v: f32) -> PairF {
+        [proven!(_mm256_set1_ps(v)); 2]
+    }
+    #[inline(always)]
+    fn bytes_to_f(self, from: &[u8], at: usize) -> PairF {
+        let from = &from[at..at + 16];
+        memory!({
+            let half = |i: usize| {
+                let bytes = _mm_loadl_epi64(from[8 * i..].as_ptr().cast());
+                _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes))
+            };
+            [half(0), half(1)]
+        })
+    }
+    #[inline(always)]
+    fn shorts_to_f(self, from: &[u16], at: usize) -> PairF {
+        let from = &from[at..at + 16];
+        memory!({
+            let half = |i: usize| {
+                let shorts = _mm_loadu_si128(from[8 * i..].as_ptr().cast());
+                _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(shorts))
+            };
+            [half(0), half(1)]
+        })
+    }
+    #[inline(always)]
+    fn add_f(self, a: PairF, b: PairF) -> PairF {
+        self.each_f(a, b, |a, b| proven!(_mm256_add_ps(a, b)))
+    }
+    #[inline(always)]
+    fn sub_f(self, a: PairF, b: PairF) -> PairF {
+        self.each_f(a, b, |a, b| proven!(_mm256_sub_ps(a, b)))
+    }
+    #[inline(always)]
+    fn mul_f(self, a: PairF, b: PairF) -> PairF {
+        self.each_f(a, b, |a, b| proven!(_mm256_mul_ps(a, b)))
+    }
+    #[inline(always)]
+    fn div_f(self, a: PairF, b: PairF) -> PairF {
+        self.each_f(a, b, |a, b| proven!(_mm256_div_ps(a, b)))
+    }
+    #[inline(always)]
+    fn sqrt_f(self, a: PairF) -> PairF {
+        a.map(|a| proven!(_mm256_sqrt_ps(a)))
+    }
+    #[inline(always)]
+    fn min_f(self, a: PairF, b: PairF) -> PairF {
+        self.each_f(a, b, |a, b| proven!(_mm256_min_ps(a, b)))
+    }
+    #[inline(always)]
+    fn max_f(self, a: PairF, b: PairF) -> PairF {
+        self.each_f(a, b, |a, b| proven!(_mm256_max_ps(a, b)))
+    }
+    #[inline(always)]
+    fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
+        let half = |i: usize| proven!(_mm256_blendv_ps(y[i], x[i], _mm256_cmp_ps::<_CMP_LT_OQ>(a[i], b[i])));
+        [half(0), half(1)]
+    }
+    #[inline(always)]
+    fn any_positive(self, a: PairF) -> bool {
+        let half =
+            |i: usize| proven!(_mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(a[i], _mm256_setzero_ps())));
+        half(0) | half(1) != 0
+    }
+    #[inline(always)]
+    fn round(self, a: PairF) -> Pair {
+        a.map(|a| proven!(_mm256_cvtps_epi32(a)))
+    }
+    #[inline(always)]
+    fn truncate(self, a: PairF) -> Pair {
+        a.map(|a| proven!(_mm256_cvttps_epi32(a)))
+    }
+    #[inline(always)]
+    fn to_f(self, a: Pair) -> PairF {
+        a.map(|a| proven!(_mm256_cvtepi32_ps(a)))
+    }
+    #[inline(always)]
+    fn bits_of_f(self, a: PairF) -> Pair {
+        a.map(|a| proven!(_mm256_castps_si256(a)))
+    }
+    #[inline(always)]
+    fn f_of_bits(self, a: Pair) -> PairF {
+        a.map(|a| proven!(_mm256_castsi256_ps(a)))
+    }
+    #[inline(always)]
+    fn load_words(self, from: &[u32], at: usize) -> Pair {
+        [self.load_pairs(from, at), self.load_pairs(from, at + 8)]
+    }
+    #[inline(always)]
+    fn splat_w(self, v: u32) -> Pair {
+        [self.splat_pair(v); 2]
+    }
+    #[inline(always)]
+    fn add_w(self, a: Pair, b: Pair) -> Pair {
+        self.each(a, b, |a, b| proven!(_mm256_add_epi32(a, b)))
+    }
+    #[inline(always)]
+    fn sub_w(self, a: Pair, b: Pair) -> Pair {
+        self.each(a, b, |a, b| proven!(_mm256_sub_epi32(a, b)))
+    }
+    #[inline(always)]
+    fn and_w(self, a: Pair, b: Pair) -> Pair {
+        self.each(a, b, |a, b| proven!(_mm256_and_si256(a, b)))
+    }
+    #[inline(always)]
+    fn xor_w(self, a: Pair, b: Pair) -> Pair {
+        self.each(a, b, |a, b| self.xor(a, b))
+    }
+    #[inline(always)]
+    fn mul_w(self, a: Pair, b: Pair) -> Pair {
+        self.each(a, b, |a, b| self.mul_pairs(a, b))
+    }
+    #[inline(always)]
+    fn shr_w<const BITS: u32>(self, a: Pair) -> Pair {
+        a.map(|a| self.shr_pairs::<BITS>(a))
+    }
+    #[inline(always)]
+    fn min_w(self, a: Pair, b: Pair) -> Pair {
+        self.each(a, b, |a, b| proven!(_mm256_min_epi32(a, b)))
+    }
+    #[inline(always)]
+    fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {
+        let half = |i: usize| proven!(_mm256_blendv_epi8(y[i], x[i], _mm256_cmpgt_epi32(b[i], a[i])));
+        [half(0), half(1)]
+    }
+    #[inline(always)]
+    fn greater_w(self, a: Pair, b: Pair) -> __m256i {
+        let half = |i: usize| proven!(_mm256_cmpgt_epi32(a[i], b[i]));
+        proven!(_mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi32(half(0), half(1))))
+    }
+    #[inline(always)]
+    fn gather(self, table: &[u32], index: Pair) -> Pair {
+        let last = self.splat_pair(u32::try_from(table.len() - 1).unwrap_or(u32::MAX));
+        index.map(|index| {
+            // SAFETY: `self` proves the instructions; every index is at most that of the last
+            // entry (the subtraction above has shown that there is one).
+            unsafe { _mm256_i32gather_epi32::<4>(table.as_ptr().cast(), _mm256_min_epu32(index, last)) }
+        })
+    }
+    #[inline(always)]
+    fn low(self, a: Pair) -> __m256i {
+        let half = |i: usize| proven!(_mm256_and_si256(a[i], _mm256_set1_epi32(0xffff)));
+        self.pack(half(0), half(1))
+    }
+    #[inline(always)]
+    fn high(self, a: Pair) -> __m256i {
+        let half = |i: usize| proven!(_mm256_srli_epi32::<16>(a[i]));
+        self.pack(half(0), half(1))
+    }
+    #[inline(always)]
+    fn join(self, high: __m256i, low: __m256i) -> Pair {
+        proven!({
+            let first = _mm256_unpacklo_epi16(low, high);
+            let second = _mm256_unpackhi_epi16(low, high);
+            [
+                _mm256_permute2x128_si256::<0x20>(first, second),
+                _mm256_permute2x128_si256::<0x31>(first, second),
+            ]
+        })
+    }
+    #[inline(always)]
+    fn widen(self, a: __m256i) -> Pair {
+        proven!([
+            _mm256_cvtepi16_epi32(_mm256_castsi256_si128(a)),
+            _mm256_cvtepi16_epi32(_mm256_extracti128_si256::<1>(a)),
+        ])
+    }
+}

@@ -1,0 +1,389 @@
+//! 512-bit vectors: AVX-512 F, BW and VBMI.
+
+#![allow(unsafe_code, reason = "instructions that the token proves the CPU to have")]
+
+use std::arch::x86_64::*;
+
+use crate::draws::gauss;
+use crate::kernels::Job;
+use crate::kernels::body;
+use crate::kernels::lanes::Lanes;
+use crate::plan::StateParts;
+
+/// Proof that the CPU has the instructions: only [`Avx512::detect`] makes one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Avx512(());
+
+impl Avx512 {
+    /// The token, if this CPU has AVX-512 F, BW and VBMI.
+    pub fn detect() -> Option<Self> {
+        let has = is_x86_feature_detected!("avx512f")
+            && is_x86_feature_detected!("avx512bw")
+            && is_x86_feature_detected!("avx512vbmi");
+        has.then_some(Self(()))
+    }
+}
+
+/// Runs the job with 512-bit vectors.
+pub(super) fn run(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+    let token = Avx512::detect().expect("the avx512 backend needs AVX-512 F, BW and VBMI");
+    // SAFETY: the token proves the features that `enter` is compiled with.
+    unsafe { enter(token, job, state, out) }
+}
+
+#[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
+fn enter(token: Avx512, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+    body::run(token, job, state, out);
+}
+
+/// An instruction on values.
+macro_rules! proven {
+    ($e:expr) => {{
+        // SAFETY: `self` exists only where the CPU has the instructions; they touch no memory.
+        unsafe { $e }
+    }};
+}
+
+/// An instruction on the memory of a slice that has just been cut to size.
+macro_rules! memory {
+    ($e:expr) => {{
+        // SAFETY: `self` exists only where the CPU has the instructions; the pointer comes from a
+        // slice of exactly the bytes that the unaligned instruction touches.
+        unsafe { $e }
+    }};
+}
+
+const fn repeated(table: [i8; 16]) -> [i8; 64] {
+    let mut all = [0; 64];
+    let mut i = 0;
+    while i < 64 {
+        all[i] = table[i % 16];
+        i += 1;
+    }
+    all
+}
+
+/// The byte permutation looks at six bits of an index; with the table four
+/// times over, the upper two need not be masked off.
+static LOW: [i8; 64] = repeated(gauss::LOW);
+static HIGH: [i8; 64] = repeated(gauss::HIGH);
+
+const fn words(start: i16) -> [i16; 32] {
+    let mut index = [0; 32];
+    let mut i = 0;
+    while i < 32 {
+        index[i] = start + 2 * i as i16;
+        i += 1;
+    }
+    index
+}
+
+/// Positions of the even and odd words of two vectors.
+static EVEN: [i16; 32] = words(0);
+static ODD: [i16; 32] = words(1);
+
+const fn interleave(start: i16) -> [i16; 32] {
+    let mut index = [0; 32];
+    let mut i = 0;
+    while i < 16 {
+        index[2 * i] = start + i as i16;
+        index[2 * i + 1] = 32 + start + i as i16;
+        i += 1;
+    }
+    index
+}
+
+/// Low words then high words of two vectors, for the first and second sixteen pixels.
+static JOIN: [[i16; 32]; 2] = [interleave(0), interleave(16)];
+
+type Pair = [__m512i; 2];
+type PairF = [__m512; 2];
+
+impl Avx512 {
+    #[inline(always)]
+    fn each(self, a: Pair, b: Pair, f: impl Fn(__m512i, __m512i) -> __m512i) -> Pair {
+        [f(a[0], b[0]), f(a[1], b[1])]
+    }
+
+    #[inline(always)]
+    fn each_f(self, a: PairF, b: PairF, f: impl Fn(__m512, __m512) -> __m512) -> PairF {
+        [f(a[0], b[0]), f(a[1], b[1])]
+    }
+
+    #[inline(always)]
+    fn permute(self, index: &[i16; 32], a: __m512i, b: __m512i) -> __m512i {
+        let index = self.load(index, 0);
+        proven!(_mm512_permutex2var_epi16(a, index, b))
+    }
+}
+
+impl Lanes for Avx512 {
+    const N: usize = 32;
+    type Half = __m512i;
+    type Word = Pair;
+    type Float = PairF;
+    type Mask = __mmask32;
+
+    #[inline(always)]
+    fn load(self, from: &[i16], at: usize) -> __m512i {
+        let from = &from[at..at + 32];
+        memory!(_mm512_loadu_si512(from.as_ptr().cast()))
+    }
+    #[inline(always)]
+    fn store(self, to: &mut [i16], at: usize, v: __m512i) {
+        let to = &mut to[at..at + 32];
+        memory!(_mm512_storeu_si512(to.as_mut_ptr().cast(), v));
+    }
+    #[inline(always)]
+    fn splat(self, v: i16) -> __m512i {
+        proven!(_mm512_set1_epi16(v))
+    }
+    #[inline(always)]
+    fn add(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_add_epi16(a, b))
+    }
+    #[inline(always)]
+    fn add_saturating(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_adds_epi16(a, b))
+    }
+    #[inline(always)]
+    fn min(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_min_epi16(a, b))
+    }
+    #[inline(always)]
+    fn scale(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_mulhrs_epi16(a, b))
+    }
+    #[inline(always)]
+    fn greater(self, a: __m512i, b: __m512i) -> __mmask32 {
+        proven!(_mm512_cmpgt_epi16_mask(a, b))
+    }
+    #[inline(always)]
+    fn select(self, m: __mmask32, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_mask_blend_epi16(m, b, a))
+    }
+    #[inline(always)]
+    fn sub_where(self, m: __mmask32, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_mask_sub_epi16(a, m, a, b))
+    }
+    #[inline(always)]
+    fn increment_where(self, m: __mmask32, a: __m512i) -> __m512i {
+        let one = self.splat(1);
+        proven!(_mm512_mask_adds_epi16(a, m, a, one))
+    }
+    #[inline(always)]
+    fn and(self, a: __mmask32, b: __mmask32) -> __mmask32 {
+        a & b
+    }
+    #[inline(always)]
+    fn or(self, a: __mmask32, b: __mmask32) -> __mmask32 {
+        a | b
+    }
+    #[inline(always)]
+    fn not(self, a: __mmask32) -> __mmask32 {
+        !a
+    }
+    #[inline(always)]
+    fn bits(self, m: __mmask32) -> u32 {
+        m
+    }
+    #[inline(always)]
+    fn load_pairs(self, from: &[u32], at: usize) -> __m512i {
+        let from = &from[at..at + 16];
+        memory!(_mm512_loadu_si512(from.as_ptr().cast()))
+    }
+    #[inline(always)]
+    fn splat_pair(self, v: u32) -> __m512i {
+        proven!(_mm512_set1_epi32(v as i32))
+    }
+    #[inline(always)]
+    fn xor(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_xor_si512(a, b))
+    }
+    #[inline(always)]
+    fn mul_pairs(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_mullo_epi32(a, b))
+    }
+    #[inline(always)]
+    fn shr_pairs<const BITS: u32>(self, a: __m512i) -> __m512i {
+        proven!(_mm512_srl_epi32(a, _mm_cvtsi32_si128(const { BITS as i32 })))
+    }
+    #[inline(always)]
+    fn gauss(self, bits: __m512i) -> __m512i {
+        memory!({
+            let low = _mm512_permutexvar_epi8(bits, _mm512_loadu_si512(LOW.as_ptr().cast()));
+            let high = _mm512_permutexvar_epi8(
+                _mm512_srli_epi16::<4>(bits),
+                _mm512_loadu_si512(HIGH.as_ptr().cast()),
+            );
+            let weights = _mm512_set1_epi16(const { gauss::WEIGHTS[1] << 8 | gauss::WEIGHTS[0] });
+            _mm512_maddubs_epi16(weights, _mm512_add_epi8(low, high))
+        })
+    }
+    #[inline(always)]
+    fn load_f(self, from: &[f32], at: usize) -> PairF {
+        let from = &from[at..at + 32];
+        memory!([_mm512_loadu_ps(from.as_ptr()), _mm512_loadu_ps(from[16..].as_ptr())])
+    }
+    #[inline(always)]
+    fn splat_f(self, v: f32) -> PairF {
+        [proven!(_mm512_set1_ps(v)); 2]
+    }
+    #[inline(always)]
+    fn bytes_to_f(self, from: &[u8], at: usize) -> PairF {
+        let from = &from[at..at + 32];
+        memory!({
+            let half = |i: usize| {
+                let bytes = _mm_loadu_si128(from[16 * i..].as_ptr().cast());
+                _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(bytes))
+            };
+            [half(0), half(1)]
+        })
+    }
+    #[inline(always)]
+    fn shorts_to_f(self, from: &[u16], at: usize) -> PairF {
+        let from = &from[at..at + 32];
+        memory!({
+            let half = |i: usize| {
+                let shorts = _mm256_loadu_si256(from[16 * i..].as_ptr().cast());
+                _mm512_cvtepi32_ps(_mm512_cvtepu16_epi32(shorts))
+            };
+            [half(0), half(1)]
+        })
+    }
+    #[inline(always)]
+    fn add_f(self, a: PairF, b: PairF) -> PairF {
+        self.each_f(a, b, |a, b| proven!(_mm512_add_ps(a, b)))
+    }
+    #[inline(always)]
+    fn sub_f(self, a: PairF, b: PairF) -> PairF {
+        self.each_f(a, b, |a, b| proven!(_mm512_sub_ps(a, b)))
+    }
+    #[inline(always)]
+    fn mul_f(self, a: PairF, b: PairF) -> PairF {
+        self.each_f(a, b, |a, b| proven!(_mm512_mul_ps(a, b)))
+    }
+    #[inline(always)]
+    fn div_f(self, a: PairF, b: PairF) -> PairF {
+        self.each_f(a, b, |a, b| proven!(_mm512_div_ps(a, b)))
+    }
+    #[inline(always)]
+    fn sqrt_f(self, a: PairF) -> PairF {
+        a.map(|a| proven!(_mm512_sqrt_ps(a)))
+    }
+    #[inline(always)]
+    fn min_f(self, a: PairF, b: PairF) -> PairF {
+        self.each_f(a, b, |a, b| proven!(_mm512_min_ps(a, b)))
+    }
+    #[inline(always)]
+    fn max_f(self, a: PairF, b: PairF) -> PairF {
+        self.each_f(a, b, |a, b| proven!(_mm512_max_ps(a, b)))
+    }
+    #[inline(always)]
+    fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
+        let half = |i: usize| {
+            proven!(_mm512_mask_blend_ps(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(a[i], b[i]), y[i], x[i]))
+        };
+        [half(0), half(1)]
+    }
+    #[inline(always)]
+    fn any_positive(self, a: PairF) -> bool {
+        let half = |i: usize| proven!(_mm512_cmp_ps_mask::<_CMP_GT_OQ>(a[i], _mm512_setzero_ps()));
+        half(0) | half(1) != 0
+    }
+    #[inline(always)]
+    fn round(self, a: PairF) -> Pair {
+        a.map(|a| proven!(_mm512_cvtps_epi32(a)))
+    }
+    #[inline(always)]
+    fn truncate(self, a: PairF) -> Pair {
+        a.map(|a| proven!(_mm512_cvttps_epi32(a)))
+    }
+    #[inline(always)]
+    fn to_f(self, a: Pair) -> PairF {
+        a.map(|a| proven!(_mm512_cvtepi32_ps(a)))
+    }
+    #[inline(always)]
+    fn bits_of_f(self, a: PairF) -> Pair {
+        a.map(|a| proven!(_mm512_castps_si512(a)))
+    }
+    #[inline(always)]
+    fn f_of_bits(self, a: Pair) -> PairF {
+        a.map(|a| proven!(_mm512_castsi512_ps(a)))
+    }
+    #[inline(always)]
+    fn load_words(self, from: &[u32], at: usize) -> Pair {
+        [self.load_pairs(from, at), self.load_pairs(from, at + 16)]
+    }
+    #[inline(always)]
+    fn splat_w(self, v: u32) -> Pair {
+        [self.splat_pair(v); 2]
+    }
+    #[inline(always)]
+    fn add_w(self, a: Pair, b: Pair) -> Pair {
+        self.each(a, b, |a, b| proven!(_mm512_add_epi32(a, b)))
+    }
+    #[inline(always)]
+    fn sub_w(self, a: Pair, b: Pair) -> Pair {
+        self.each(a, b, |a, b| proven!(_mm512_sub_epi32(a, b)))
+    }
+    #[inline(always)]
+    fn and_w(self, a: Pair, b: Pair) -> Pair {
+        self.each(a, b, |a, b| proven!(_mm512_and_si512(a, b)))
+    }
+    #[inline(always)]
+    fn xor_w(self, a: Pair, b: Pair) -> Pair {
+        self.each(a, b, |a, b| self.xor(a, b))
+    }
+    #[inline(always)]
+    fn mul_w(self, a: Pair, b: Pair) -> Pair {
+        self.each(a, b, |a, b| self.mul_pairs(a, b))
+    }
+    #[inline(always)]
+    fn shr_w<const BITS: u32>(self, a: Pair) -> Pair {
+        a.map(|a| self.shr_pairs::<BITS>(a))
+    }
+    #[inline(always)]
+    fn min_w(self, a: Pair, b: Pair) -> Pair {
+        self.each(a, b, |a, b| proven!(_mm512_min_epi32(a, b)))
+    }
+    #[inline(always)]
+    fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {
+        let half =
+            |i: usize| proven!(_mm512_mask_blend_epi32(_mm512_cmplt_epi32_mask(a[i], b[i]), y[i], x[i]));
+        [half(0), half(1)]
+    }
+    #[inline(always)]
+    fn greater_w(self, a: Pair, b: Pair) -> __mmask32 {
+        let half = |i: usize| u32::from(proven!(_mm512_cmpgt_epi32_mask(a[i], b[i])));
+        half(1) << 16 | half(0)
+    }
+    #[inline(always)]
+    fn gather(self, table: &[u32], index: Pair) -> Pair {
+        let last = self.splat_pair(u32::try_from(table.len() - 1).unwrap_or(u32::MAX));
+        index.map(|index| {
+            // SAFETY: `self` proves the instructions; every index is at most that of the last
+            // entry (the subtraction above has shown that there is one).
+            unsafe { _mm512_i32gather_epi32::<4>(_mm512_min_epu32(index, last), table.as_ptr().cast()) }
+        })
+    }
+    #[inline(always)]
+    fn low(self, a: Pair) -> __m512i {
+        self.permute(&EVEN, a[0], a[1])
+    }
+    #[inline(always)]
+    fn high(self, a: Pair) -> __m512i {
+        self.permute(&ODD, a[0], a[1])
+    }
+    #[inline(always)]
+    fn join(self, high: __m512i, low: __m512i) -> Pair {
+        [self.permute(&JOIN[0], low, high), self.permute(&JOIN[1], low, high)]
+    }
+    #[inline(always)]
+    fn widen(self, a: __m512i) -> Pair {
+        proven!([
+            _mm512_cvtepi16_epi32(_mm512_castsi512_si256(a)),
+            _mm512_cvtepi16_epi32(_mm512_extracti64x4_epi64::<1>(a)),
+        ])
+    }
+}

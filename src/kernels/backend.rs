@@ -1,0 +1,77 @@
+use crate::error::{Error, Kind, Result};
+
+/// A way to run a plan. All give the same bits; they differ in speed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Backend {
+    /// Plain scalar loops: the oracle of the others.
+    Reference,
+    /// Lanes of the `wide` crate, with the instructions the crate was compiled for.
+    Portable,
+    /// 256-bit vectors of x86-64 CPUs from 2013 on.
+    Avx2,
+    /// 512-bit vectors (F, BW, VBMI).
+    Avx512,
+}
+
+/// Forces a backend, clamped to what the CPU has.
+pub const ENVIRONMENT: &str = "SPIKELANE_BACKEND";
+
+impl Backend {
+    /// All backends, slowest first.
+    pub const ALL: [Self; 4] = [Self::Reference, Self::Portable, Self::Avx2, Self::Avx512];
+
+    /// Name on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Reference => "reference",
+            Self::Portable => "portable",
+            Self::Avx2 => "avx2",
+            Self::Avx512 => "avx512",
+        }
+    }
+
+    /// The backend called `name`.
+    ///
+    /// # Errors
+    /// When there is none of that name.
+    pub fn parse(name: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|b| b.name() == name).ok_or_else(|| {
+            Error::new(Kind::Usage, "backend")
+                .found(format_args!("\"{name}\""))
+                .expected("one of reference, portable, avx2, avx512")
+        })
+    }
+
+    /// Whether this CPU can run it.
+    #[must_use]
+    pub fn available(self) -> bool {
+        match self {
+            Self::Reference | Self::Portable => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => super::avx2::Avx2::detect().is_some(),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => super::avx512::Avx512::detect().is_some(),
+            #[cfg(not(target_arch = "x86_64"))]
+            _ => false,
+        }
+    }
+
+    /// The fastest backend of this CPU, or the one that the environment
+    /// variable `SPIKELANE_BACKEND` names, if the CPU has it.
+    #[must_use]
+    pub fn best() -> Self {
+        let named = std::env::var(ENVIRONMENT).ok();
+        let forced = named.and_then(|n| Self::parse(&n).ok()).filter(|b| b.available());
+        forced.unwrap_or_else(|| {
+            let fastest = Self::ALL.into_iter().rev().find(|b| b.available());
+            fastest.unwrap_or(Self::Portable)
+        })
+    }
+}
+
+impl std::fmt::Display for Backend {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}

@@ -1,0 +1,194 @@
+//! What a kernel is given: light for a run of readouts, and the words of their draws.
+
+use std::ops::Range;
+
+use crate::draws::hash::{Clock, Round};
+use crate::plan::Plan;
+
+/// Linear light of one frame, row-major, top row first, one value per pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Samples<'a> {
+    /// 255 is full scale.
+    U8(&'a [u8]),
+    /// 65535 is full scale.
+    U16(&'a [u16]),
+    /// 1.0 is full scale; finite and not negative.
+    F32(&'a [f32]),
+}
+
+impl Samples<'_> {
+    /// Number of pixels.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::U8(s) => s.len(),
+            Self::U16(s) => s.len(),
+            Self::F32(s) => s.len(),
+        }
+    }
+
+    /// Whether there is no pixel.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// Light during a run of readouts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Light<'a> {
+    /// The same frame at every readout.
+    Held(Samples<'a>),
+    /// A way from one frame to the next.
+    Between {
+        /// Frame at weight 0.
+        from: Samples<'a>,
+        /// Frame at weight 1.
+        to: Samples<'a>,
+        /// The weight of `to`, one for every readout of the segment.
+        weights: &'a [f32],
+    },
+}
+
+/// Readouts that share a [`Light`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Segment<'a> {
+    /// Number of readouts.
+    pub readouts: usize,
+    /// Their light.
+    pub light: Light<'a>,
+}
+
+/// The hash words of every readout of a batch.
+#[derive(Clone, Debug, Default)]
+pub struct Rounds {
+    /// Of [`crate::plan::Clocks::shot`].
+    pub shot: Vec<Round>,
+    /// Of [`crate::plan::Clocks::counts`].
+    pub counts: Vec<Round>,
+    /// Of [`crate::plan::Clocks::thermal`].
+    pub thermal: Vec<Round>,
+    /// Of [`crate::plan::Clocks::missed`].
+    pub missed: [Vec<Round>; 2],
+    /// Of [`crate::plan::Clocks::spurious`].
+    pub spurious: [Vec<Round>; 2],
+}
+
+/// A run of readouts, the same for all tiles.
+#[derive(Clone, Debug)]
+pub struct Batch<'a> {
+    segments: &'a [Segment<'a>],
+    rounds: Rounds,
+    readouts: usize,
+}
+
+impl<'a> Batch<'a> {
+    /// The readouts from `first` on, in the light of `segments`.
+    ///
+    /// # Panics
+    /// When a frame has fewer samples than the plan has pixels, or a segment
+    /// has another number of weights than of readouts.
+    #[must_use]
+    pub fn new(plan: &Plan, first: u64, segments: &'a [Segment<'a>]) -> Self {
+        let pixels = plan.geometry().pixels();
+        for segment in segments {
+            let enough = match segment.light {
+                Light::Held(s) => s.len() >= pixels,
+                Light::Between { from, to, weights } => {
+                    assert_eq!(weights.len(), segment.readouts, "one weight per readout");
+                    from.len() >= pixels && to.len() >= pixels
+                }
+            };
+            assert!(enough, "a frame has fewer samples than the sensor has pixels");
+        }
+        let readouts = segments.iter().map(|s| s.readouts).sum();
+        let rounds = Rounds::new(plan, first, readouts);
+        Self { segments, rounds, readouts }
+    }
+
+    /// Number of readouts.
+    #[must_use]
+    pub fn readouts(&self) -> usize {
+        self.readouts
+    }
+
+    /// Hash words, one set per readout.
+    #[must_use]
+    pub fn rounds(&self) -> &Rounds {
+        &self.rounds
+    }
+
+    /// The segments with the readouts of the batch that each covers.
+    pub fn segments(&self) -> impl Iterator<Item = (Range<usize>, &'a Light<'a>)> + use<'a> {
+        let mut end = 0;
+        self.segments.iter().map(move |s| {
+            let begin = end;
+            end += s.readouts;
+            (begin..end, &s.light)
+        })
+    }
+}
+
+impl Rounds {
+    fn new(plan: &Plan, first: u64, readouts: usize) -> Self {
+        let clocks = plan.clocks();
+        let words = |clock: Clock, wanted: bool| -> Vec<Round> {
+            let count = if wanted { readouts as u64 } else { 0 };
+            (0..count).map(|t| clock.round(first.wrapping_add(t))).collect()
+        };
+        let flip = plan.rules().flip;
+        let missed = flip.is_some_and(|f| f.missed != 0);
+        let spurious = flip.is_some_and(|f| f.spurious != 0);
+        let shot = plan.tables().shot.is_some();
+        Self {
+            shot: words(clocks.shot, shot),
+            counts: words(clocks.counts, shot),
+            thermal: words(clocks.thermal, plan.tables().noise.is_some()),
+            missed: clocks.missed.map(|c| words(c, missed)),
+            spurious: clocks.spurious.map(|c| words(c, spurious)),
+        }
+    }
+}
+
+/// One tile of a batch.
+#[derive(Clone, Debug)]
+pub struct Job<'a> {
+    /// Tables and rules.
+    pub plan: &'a Plan,
+    /// Light and words.
+    pub batch: &'a Batch<'a>,
+    range: Range<usize>,
+}
+
+impl<'a> Job<'a> {
+    /// The tile of `pixels` padded pixels from `first` on, cut at the end of the plan.
+    ///
+    /// # Panics
+    /// When the bounds are not multiples of [`crate::plan::LANES`].
+    #[must_use]
+    pub fn new(plan: &'a Plan, batch: &'a Batch<'a>, first: usize, pixels: usize) -> Self {
+        let range = first..(first + pixels).min(plan.padded());
+        assert!(
+            range.start.is_multiple_of(crate::plan::LANES) && range.len().is_multiple_of(crate::plan::LANES)
+        );
+        Self { plan, batch, range }
+    }
+
+    /// The padded pixels of the tile.
+    #[must_use]
+    pub fn range(&self) -> Range<usize> {
+        self.range.clone()
+    }
+
+    /// Number of padded pixels.
+    #[must_use]
+    pub fn pixels(&self) -> usize {
+        self.range.len()
+    }
+
+    /// Bytes of the tile's bits at one readout.
+    #[must_use]
+    pub fn tile_bytes(&self) -> usize {
+        self.range.len() / 8
+    }
+}

@@ -1,0 +1,111 @@
+//! The operations that the kernel's body needs from an instruction set.
+//!
+//! An implementor is a token: a value of it exists only where the CPU has the
+//! instructions, so every method is safe. All methods are defined exactly, to
+//! the bit; no fused multiply-add and no estimate is allowed.
+
+/// Vectors of `N` pixels.
+pub(crate) trait Lanes: Copy {
+    /// Pixels of a vector: 16 or 32.
+    const N: usize;
+    /// `N` words of 16 bits, or `N / 2` words of 32: two pixels a word, the even one low.
+    type Half: Copy;
+    /// `N` words of 32 bits.
+    type Word: Copy;
+    /// `N` floats.
+    type Float: Copy;
+    /// One truth value per pixel.
+    type Mask: Copy;
+
+    fn load(self, from: &[i16], at: usize) -> Self::Half;
+    fn store(self, to: &mut [i16], at: usize, v: Self::Half);
+    fn splat(self, v: i16) -> Self::Half;
+    /// Wrapping sum.
+    fn add(self, a: Self::Half, b: Self::Half) -> Self::Half;
+    /// Saturating sum of signed words.
+    fn add_saturating(self, a: Self::Half, b: Self::Half) -> Self::Half;
+    /// Smaller of signed words.
+    fn min(self, a: Self::Half, b: Self::Half) -> Self::Half;
+    /// `(a * b + 2^14) >> 15`.
+    fn scale(self, a: Self::Half, b: Self::Half) -> Self::Half;
+    /// `a > b`, signed.
+    fn greater(self, a: Self::Half, b: Self::Half) -> Self::Mask;
+    /// `a` where the mask holds, else `b`.
+    fn select(self, m: Self::Mask, a: Self::Half, b: Self::Half) -> Self::Half;
+    /// `a - b` (wrapping) where the mask holds, else `a`.
+    fn sub_where(self, m: Self::Mask, a: Self::Half, b: Self::Half) -> Self::Half;
+    /// `a + 1`, saturating, where the mask holds, else `a`.
+    fn increment_where(self, m: Self::Mask, a: Self::Half) -> Self::Half;
+
+    fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    fn or(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    fn not(self, a: Self::Mask) -> Self::Mask;
+    /// Bit `i` is pixel `i`; bits from `N` on are zero.
+    fn bits(self, m: Self::Mask) -> u32;
+
+    /// `N / 2` words of 32 bits from position `at`.
+    fn load_pairs(self, from: &[u32], at: usize) -> Self::Half;
+    fn splat_pair(self, v: u32) -> Self::Half;
+    fn xor(self, a: Self::Half, b: Self::Half) -> Self::Half;
+    /// Low half of the product of 32-bit words.
+    fn mul_pairs(self, a: Self::Half, b: Self::Half) -> Self::Half;
+    /// Logical right shift of 32-bit words.
+    fn shr_pairs<const BITS: u32>(self, a: Self::Half) -> Self::Half;
+    /// [`crate::draws::gauss::unit`] of every pixel's 16 bits.
+    fn gauss(self, bits: Self::Half) -> Self::Half;
+
+    fn load_f(self, from: &[f32], at: usize) -> Self::Float;
+    fn splat_f(self, v: f32) -> Self::Float;
+    fn bytes_to_f(self, from: &[u8], at: usize) -> Self::Float;
+    fn shorts_to_f(self, from: &[u16], at: usize) -> Self::Float;
+    fn add_f(self, a: Self::Float, b: Self::Float) -> Self::Float;
+    fn sub_f(self, a: Self::Float, b: Self::Float) -> Self::Float;
+    fn mul_f(self, a: Self::Float, b: Self::Float) -> Self::Float;
+    fn div_f(self, a: Self::Float, b: Self::Float) -> Self::Float;
+    fn sqrt_f(self, a: Self::Float) -> Self::Float;
+    fn min_f(self, a: Self::Float, b: Self::Float) -> Self::Float;
+    fn max_f(self, a: Self::Float, b: Self::Float) -> Self::Float;
+    /// `x` where `a < b`, else `y`.
+    fn select_less_f(self, a: Self::Float, b: Self::Float, x: Self::Float, y: Self::Float) -> Self::Float;
+    /// Whether any value is greater than zero.
+    fn any_positive(self, a: Self::Float) -> bool;
+    /// Rounds to the nearest integer, ties to even; the value fits.
+    fn round(self, a: Self::Float) -> Self::Word;
+    /// Rounds towards zero; the value fits.
+    fn truncate(self, a: Self::Float) -> Self::Word;
+    /// Signed integers to floats.
+    fn to_f(self, a: Self::Word) -> Self::Float;
+    fn bits_of_f(self, a: Self::Float) -> Self::Word;
+    fn f_of_bits(self, a: Self::Word) -> Self::Float;
+
+    fn load_words(self, from: &[u32], at: usize) -> Self::Word;
+    fn splat_w(self, v: u32) -> Self::Word;
+    fn add_w(self, a: Self::Word, b: Self::Word) -> Self::Word;
+    fn sub_w(self, a: Self::Word, b: Self::Word) -> Self::Word;
+    fn and_w(self, a: Self::Word, b: Self::Word) -> Self::Word;
+    fn xor_w(self, a: Self::Word, b: Self::Word) -> Self::Word;
+    fn mul_w(self, a: Self::Word, b: Self::Word) -> Self::Word;
+    /// Logical right shift.
+    fn shr_w<const BITS: u32>(self, a: Self::Word) -> Self::Word;
+    /// Smaller of signed words.
+    fn min_w(self, a: Self::Word, b: Self::Word) -> Self::Word;
+    /// `x` where `a < b` (signed), else `y`.
+    fn select_less_w(self, a: Self::Word, b: Self::Word, x: Self::Word, y: Self::Word) -> Self::Word;
+    /// `a > b`, signed.
+    fn greater_w(self, a: Self::Word, b: Self::Word) -> Self::Mask;
+    /// `table[index]` for every lane. Panics in debug builds and stays in bounds
+    /// in release builds when an index is too large.
+    fn gather(self, table: &[u32], index: Self::Word) -> Self::Word;
+    fn gather_f(self, table: &[f32], index: Self::Word) -> Self::Float {
+        self.f_of_bits(self.gather(bytemuck::cast_slice(table), index))
+    }
+
+    /// Low 16 bits of every word.
+    fn low(self, a: Self::Word) -> Self::Half;
+    /// High 16 bits of every word.
+    fn high(self, a: Self::Word) -> Self::Half;
+    /// `high << 16 | low`.
+    fn join(self, high: Self::Half, low: Self::Half) -> Self::Word;
+    /// Sign-extended words.
+    fn widen(self, a: Self::Half) -> Self::Word;
+}

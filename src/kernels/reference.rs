@@ -1,0 +1,261 @@
+//! The plan's integers in plain scalar loops: the oracle of every fast backend.
+//!
+//! Written for reading. It visits one pixel at a time and shares no code with
+//! the lanes; `docs/fixed-point.md` describes the same steps in words.
+
+use crate::draws::hash::{Round, bits, half, key};
+use crate::draws::{gauss, poisson};
+use crate::kernels::{Job, Light, Samples};
+use crate::pixel::Redraw;
+use crate::plan::{NoiseTable, Plan, StateParts};
+
+/// Increments and noise of one pixel under one light.
+#[derive(Clone, Copy)]
+struct Increment {
+    /// Steps x 65,536.
+    mean: i32,
+    /// The same for the first increment after a spike.
+    after_spike: i32,
+    /// Multiplier of normal noise in whole steps.
+    multiplier: i16,
+    /// Counted quanta: charge of one, in steps x 65,536; 0 without.
+    quantum: f32,
+    count: poisson::Prepared,
+    /// Normal noise with a fraction: steps x 65,536 per unit of the draw; 0 without.
+    fine: f32,
+}
+
+/// A pixel's state in registers of comfortable width.
+struct Pixel {
+    charge: i16,
+    fraction: u16,
+    surplus: i16,
+    fired: bool,
+    held: i32,
+}
+
+/// See [`crate::kernels::run`].
+pub fn run(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+    out.fill(0);
+    let bytes = job.tile_bytes();
+    for (i, p) in job.range().enumerate() {
+        let mut pixel = load(state, i);
+        for (readouts, light) in job.batch.segments() {
+            for (k, t) in readouts.enumerate() {
+                let increment = increment(job.plan, p, light_at(light, p, k));
+                if readout(job, p, t, &increment, &mut pixel) {
+                    out[t * bytes + i / 8] |= 1 << (i % 8);
+                }
+            }
+        }
+        store(state, i, &pixel);
+    }
+}
+
+fn load(state: &StateParts<'_>, i: usize) -> Pixel {
+    let held = state.held.get(i).copied().unwrap_or(0);
+    let held_fraction = state.held_fraction.get(i).copied().unwrap_or(0);
+    Pixel {
+        charge: state.charge[i],
+        fraction: state.fraction[i] as u16 ^ 0x8000,
+        surplus: state.surplus.get(i).copied().unwrap_or(0),
+        fired: state.fired.get(i).is_some_and(|f| *f != 0),
+        held: i32::from(held) << 16 | i32::from(held_fraction as u16),
+    }
+}
+
+fn store(state: &mut StateParts<'_>, i: usize, pixel: &Pixel) {
+    state.charge[i] = pixel.charge;
+    state.fraction[i] = (pixel.fraction ^ 0x8000) as i16;
+    let optional = [
+        (&mut state.surplus, pixel.surplus),
+        (&mut state.fired, -i16::from(pixel.fired)),
+        (&mut state.held, (pixel.held >> 16) as i16),
+        (&mut state.held_fraction, pixel.held as i16),
+    ];
+    for (column, value) in optional {
+        if let Some(slot) = column.get_mut(i) {
+            *slot = value;
+        }
+    }
+}
+
+/// Light of pixel `p` in 1/255 of full scale; padding is dark.
+fn sample(samples: &Samples<'_>, p: usize) -> f32 {
+    match samples {
+        Samples::U8(s) => s.get(p).map_or(0.0, |v| f32::from(*v)),
+        Samples::U16(s) => s.get(p).map_or(0.0, |v| f32::from(*v) / 257.0),
+        Samples::F32(s) => s.get(p).map_or(0.0, |v| *v * 255.0),
+    }
+}
+
+fn light_at(light: &Light<'_>, p: usize, k: usize) -> f32 {
+    match light {
+        Light::Held(samples) => sample(samples, p),
+        Light::Between { from, to, weights } => {
+            let start = sample(from, p);
+            start + (sample(to, p) - start) * weights[k]
+        }
+    }
+}
+
+/// Largest and smallest increment that the state can take, in steps x 65,536.
+const MOST: f32 = 2_147_418_112.0;
+const LEAST: f32 = -1_073_741_824.0;
+
+/// Variance, in (steps x 65,536)^2, from which on noise is drawn in whole steps: 5 steps.
+const WHOLE: f32 = 1.073_741_8e11;
+
+/// Variance of rounding to whole steps, 65,536^2 / 12.
+const ROUNDING: f32 = 357_913_941.333;
+
+/// Multiplier of a deviation of 1/65,536 step: 32,768 / SCALE / 65,536.
+const MULTIPLIER: f32 = (32_768.0 / gauss::SCALE / 65_536.0) as f32;
+
+fn fixed(value: f32) -> i32 {
+    value.max(LEAST).min(MOST).round_ties_even() as i32
+}
+
+/// The root of `x` to 6.5e-4, from its exponent and one step of Newton's
+/// method, by multiplications alone; zero for zero.
+fn root(x: f32) -> f32 {
+    let guess = f32::from_bits(0x5f1f_fff9 - (x.to_bits() >> 1));
+    let t = x * guess;
+    t * (0.703_952_25 * (2.389_244_6 - t * guess))
+}
+
+fn increment(plan: &Plan, p: usize, light: f32) -> Increment {
+    let (tables, rules) = (plan.tables(), plan.rules());
+    let light = light.min(rules.greatest_light);
+    let mean = light * tables.gain[p] + tables.dark[p];
+    let mut result = Increment {
+        mean: fixed(mean),
+        after_spike: fixed(mean * (1.0 - rules.lost_increment)),
+        multiplier: 0,
+        quantum: 0.0,
+        count: poisson::Prepared { point: 0, share: 0, mean: 0.0 },
+        fine: 0.0,
+    };
+    let (Some(shot), Some(counts)) = (&tables.shot, plan.counts()) else {
+        return result;
+    };
+    let quanta = light * shot.light[p] + shot.dark[p];
+    let quantum = shot.quantum[p];
+    let variance = quanta * (quantum * quantum);
+    if quanta < poisson::LIMIT {
+        if quanta > 0.0 {
+            result.quantum = quantum;
+            result.count = counts.prepare(quanta);
+        }
+    } else if variance < WHOLE {
+        result.fine = quanta.sqrt() * quantum * (1.0 / gauss::SCALE) as f32;
+    } else {
+        result.multiplier = (root(variance - ROUNDING) * MULTIPLIER).round_ties_even() as i16;
+    }
+    result
+}
+
+/// The rounding multiply of the lanes.
+fn scaled(unit: i16, multiplier: i16) -> i16 {
+    ((i32::from(unit) * i32::from(multiplier) + (1 << 14)) >> 15) as i16
+}
+
+fn unit(round: Round, p: usize) -> i16 {
+    gauss::unit(half(bits(key(p as u32 / 2), round), p))
+}
+
+/// One readout; returns the reported bit.
+fn readout(job: &Job<'_>, p: usize, t: usize, increment: &Increment, pixel: &mut Pixel) -> bool {
+    let rules = job.plan.rules();
+    gather_charge(job, p, t, increment, pixel);
+    if let Some(&ceiling) = job.plan.tables().ceiling.get(p) {
+        pixel.charge = pixel.charge.min(ceiling);
+    }
+    let fired = compare(job, p, t, pixel);
+    pixel.fired = fired;
+    let Some(flip) = rules.flip else { return fired };
+    let rounds = job.batch.rounds();
+    let (words, probability) =
+        if fired { (&rounds.missed, flip.missed) } else { (&rounds.spurious, flip.spurious) };
+    fired != (probability != 0 && flip_draw(words, p, t) < probability)
+}
+
+fn flip_draw(words: &[Vec<Round>; 2], p: usize, t: usize) -> u32 {
+    let part = |i: usize| u32::from(half(bits(key(p as u32 / 2), words[i][t]), p));
+    part(0) << 16 | part(1)
+}
+
+fn gather_charge(job: &Job<'_>, p: usize, t: usize, increment: &Increment, pixel: &mut Pixel) {
+    let rules = job.plan.rules();
+    let shortened = pixel.fired && rules.lost_increment != 0.0;
+    let kept = if shortened { 1.0 - rules.lost_increment } else { 1.0 };
+    add(pixel, if shortened { increment.after_spike } else { increment.mean });
+    if job.plan.tables().shot.is_none() {
+        return;
+    }
+    let rounds = job.batch.rounds();
+    let z = unit(rounds.shot[t], p);
+    let mut noise = scaled(z, increment.multiplier);
+    if shortened {
+        noise = noise.wrapping_sub(scaled(noise, (rules.lost_increment * 32_768.0) as i16));
+    }
+    pixel.charge = pixel.charge.saturating_add(noise);
+    if increment.quantum == 0.0 && increment.fine == 0.0 {
+        return;
+    }
+    let mut fine = f32::from(z) * increment.fine;
+    if let Some(counts) = job.plan.counts() {
+        let count = counts.draw(increment.count, bits(key(p as u32), rounds.counts[t]));
+        fine += (count as f32 - increment.count.mean) * increment.quantum;
+    }
+    add(pixel, fixed(fine * kept));
+}
+
+/// Adds steps x 65,536 to the charge; whole steps saturate.
+fn add(pixel: &mut Pixel, fixed: i32) {
+    let (fraction, carry) = pixel.fraction.overflowing_add(fixed as u16);
+    pixel.fraction = fraction;
+    let whole = pixel.charge.saturating_add((fixed >> 16) as i16);
+    pixel.charge = whole.saturating_add(i16::from(carry));
+}
+
+/// Compares with the noisy threshold and resets; returns whether it fired.
+fn compare(job: &Job<'_>, p: usize, t: usize, pixel: &mut Pixel) -> bool {
+    let (tables, rules) = (job.plan.tables(), job.plan.rules());
+    let threshold = i32::from(tables.threshold[p]) << 16;
+    let fresh = || match &tables.noise {
+        None => 0,
+        Some(NoiseTable::Whole(m)) => i32::from(scaled(unit(job.batch.rounds().thermal[t], p), m[p])) << 16,
+        Some(NoiseTable::Fine(m)) => fixed(f32::from(unit(job.batch.rounds().thermal[t], p)) * m[p]),
+    };
+    let frozen = rules.redraw == Redraw::EveryReset;
+    let noise = if frozen { pixel.held } else { fresh() };
+    let mut charge = i32::from(pixel.charge) << 16 | i32::from(pixel.fraction);
+    let reached = charge >= noise;
+    let borrowed = !reached && pixel.surplus > 0;
+    let fired = reached || borrowed;
+    if fired {
+        charge = charge.wrapping_sub(noise);
+        if reached {
+            charge = charge.wrapping_sub(threshold);
+        } else {
+            pixel.surplus -= 1;
+        }
+        if frozen {
+            pixel.held = fresh();
+        }
+        if rules.kept_remainder != 1.0 {
+            let remainder = charge.wrapping_add(threshold) as f32 * rules.kept_remainder;
+            charge = fixed(remainder).wrapping_sub(threshold);
+        }
+    }
+    for _ in 0..if reached { rules.extra_thresholds } else { 0 } {
+        if charge >= 0 {
+            charge = charge.wrapping_sub(threshold);
+            pixel.surplus = pixel.surplus.saturating_add(1);
+        }
+    }
+    pixel.charge = (charge >> 16) as i16;
+    pixel.fraction = charge as u16;
+    fired
+}

@@ -1,0 +1,27 @@
+//! What fixed point may add to the law, derived in `docs/fixed-point.md`.
+
+use crate::plan::scale::Scale;
+
+/// Upper bounds on the difference between the integers and the exact law.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Absolute error of the rate in spikes per readout.
+    pub rate_absolute: f64,
+    /// Relative error of the rate.
+    pub rate_relative: f64,
+    /// Relative error of the phase variance that a spike adds.
+    pub phase_variance_relative: f64,
+    /// Longest stretch above full scale, in whole thresholds of surplus charge, where charge is not clamped.
+    pub longest_surplus: u32,
+}
+
+pub(super) fn of(scale: &Scale) -> Bounds {
+    let f32_half_ulp = 0.5f64.powi(24);
+    // Gain or dark table, product, sum, and the rounding to an integer: four half ulps; the
+    // integer itself is known to half of 1/65,536 step.
+    let rate_relative = 4.0 * f32_half_ulp;
+    let rate_absolute = 0.5 / 65_536.0 / f64::from(scale.steps);
+    // The standard deviation's integer (half of 122) and the root's polynomial (6.5e-4), both twice in a variance.
+    let phase_variance_relative = 2.0 * (0.5 / scale.smallest_deviation() + 6.6e-4);
+    Bounds { rate_absolute, rate_relative, phase_variance_relative, longest_surplus: i16::MAX as u32 }
+}

@@ -1,0 +1,190 @@
+//! A camera's model as integer tables, made once; everything that can be
+//! wrong is wrong here.
+//!
+//! **Fixed point.** A pixel's charge is held relative to its own threshold, in
+//! steps of about 1/16,320 of the nominal one: sixteen bits of whole steps and
+//! sixteen of fraction, so increments add up without loss. The threshold is
+//! rounded to a whole number of steps, and gain, dark current, quanta and
+//! noise are expressed in units of *that* rounded threshold, so that its
+//! rounding costs no rate. `docs/fixed-point.md` has the proof of headroom
+//! and of the bounds in [`Bounds`].
+
+mod bounds;
+mod scale;
+mod state;
+mod tables;
+
+pub use bounds::Bounds;
+pub use state::{State, StateParts};
+pub use tables::{Flip, NoiseTable, Rules, Shot, Tables};
+
+use crate::draws::hash::Clock;
+use crate::draws::{Seeds, Stream, poisson};
+use crate::effects::{Camera, Model};
+use crate::error::{Error, Kind, Result};
+use crate::spikes::Geometry;
+
+/// Tables are padded to a multiple of this many pixels.
+pub const LANES: usize = 64;
+
+/// Full-scale light of 8-bit frames in thresholds' numerator: 255 x 64 steps,
+/// so that every 8-bit grey level is a whole number of steps of an ideal pixel.
+pub const STEPS: u32 = 16_320;
+
+/// The clocks of the per-readout draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Clocks {
+    /// Normal draw of the light's and the dark current's quanta.
+    pub shot: Clock,
+    /// 32 bits a pixel for Poisson counts.
+    pub counts: Clock,
+    /// Threshold noise.
+    pub thermal: Clock,
+    /// Missed spikes, coarse and fine.
+    pub missed: [Clock; 2],
+    /// False spikes, coarse and fine.
+    pub spurious: [Clock; 2],
+}
+
+impl Clocks {
+    fn new(seeds: Seeds) -> Self {
+        let clock = |name| Clock::new(seeds, Stream::named(name));
+        Self {
+            shot: clock("shot_noise"),
+            counts: clock("shot_noise/counts"),
+            thermal: clock("thermal_noise"),
+            missed: [clock("missed_spikes"), clock("missed_spikes/fine")],
+            spurious: [clock("false_spikes"), clock("false_spikes/fine")],
+        }
+    }
+}
+
+/// A validated plan: tables, rules and clocks. Running one cannot fail.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    geometry: Geometry,
+    seeds: Seeds,
+    greatest_light: f64,
+    steps: u32,
+    tables: Tables,
+    rules: Rules,
+    clocks: Clocks,
+    counts: Option<poisson::Tables>,
+    bounds: Bounds,
+    start: State,
+}
+
+impl Plan {
+    /// Plans `camera` for light of at most one full scale.
+    ///
+    /// # Errors
+    /// See [`Plan::with_light`].
+    pub fn new(camera: &Camera, seeds: Seeds) -> Result<Self> {
+        Self::with_light(camera, seeds, 1.0)
+    }
+
+    /// Plans `camera` for light of at most `greatest_light` full scales;
+    /// brighter light is taken as that.
+    ///
+    /// # Errors
+    /// When the camera's parameters contradict each other, or the fixed point
+    /// cannot hold them within [`Bounds`].
+    pub fn with_light(camera: &Camera, seeds: Seeds, greatest_light: f64) -> Result<Self> {
+        if !(greatest_light.is_finite() && greatest_light >= 0.0) {
+            return Err(Error::new(Kind::Usage, "greatest light")
+                .found(greatest_light)
+                .expected("a finite number of full scales, zero or more"));
+        }
+        Self::of_model(&camera.model(seeds)?, seeds, greatest_light)
+    }
+
+    /// Plans a model whose fixed pattern is drawn already.
+    ///
+    /// # Errors
+    /// See [`Plan::with_light`].
+    pub fn of_model(model: &Model, seeds: Seeds, greatest_light: f64) -> Result<Self> {
+        let geometry = model.circuit.geometry;
+        let scale = scale::choose(model, greatest_light)?;
+        let (tables, rules) = tables::build(model, &scale, greatest_light)?;
+        let start = state::start(model, seeds, &tables, &rules);
+        let counts = tables.shot.as_ref().map(|_| poisson::Tables::new());
+        Ok(Self {
+            geometry,
+            seeds,
+            greatest_light,
+            steps: scale.steps,
+            bounds: bounds::of(&scale),
+            clocks: Clocks::new(seeds),
+            tables,
+            rules,
+            counts,
+            start,
+        })
+    }
+
+    /// Width and height.
+    #[must_use]
+    pub fn geometry(&self) -> Geometry {
+        self.geometry
+    }
+
+    /// The seeds that fix this plan's randomness.
+    #[must_use]
+    pub fn seeds(&self) -> Seeds {
+        self.seeds
+    }
+
+    /// The brightest light that the plan holds, in full scales.
+    #[must_use]
+    pub fn greatest_light(&self) -> f64 {
+        self.greatest_light
+    }
+
+    /// Steps of a nominal threshold.
+    #[must_use]
+    pub fn steps(&self) -> u32 {
+        self.steps
+    }
+
+    /// Per-pixel tables.
+    #[must_use]
+    pub fn tables(&self) -> &Tables {
+        &self.tables
+    }
+
+    /// What every readout does.
+    #[must_use]
+    pub fn rules(&self) -> &Rules {
+        &self.rules
+    }
+
+    /// The clocks of the draws.
+    #[must_use]
+    pub fn clocks(&self) -> &Clocks {
+        &self.clocks
+    }
+
+    /// Tables for counts of few quanta, if the plan counts quanta.
+    #[must_use]
+    pub fn counts(&self) -> Option<&poisson::Tables> {
+        self.counts.as_ref()
+    }
+
+    /// What fixed point adds to the law.
+    #[must_use]
+    pub fn bounds(&self) -> &Bounds {
+        &self.bounds
+    }
+
+    /// The pixels' state before the first readout.
+    #[must_use]
+    pub fn start(&self) -> State {
+        self.start.clone()
+    }
+
+    /// Pixels, padded to whole lanes.
+    #[must_use]
+    pub fn padded(&self) -> usize {
+        self.tables.threshold.len()
+    }
+}

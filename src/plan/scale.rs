@@ -1,0 +1,144 @@
+//! The number of steps in a nominal threshold, chosen so that nothing can overflow.
+
+use crate::draws::gauss;
+use crate::effects::Model;
+use crate::error::{Error, Kind, Result};
+use crate::pixel::{Law, Op};
+use crate::plan::STEPS;
+
+/// Fewest steps with which a plan keeps its bounds.
+const FEWEST: u32 = 1024;
+
+/// Deviations of at least this many steps are drawn as whole steps; smaller
+/// ones with a fraction. At 5 steps the rounding of the multiplier is 0.41 %.
+pub(super) const WHOLE_STEPS: f64 = 5.0;
+
+/// A bound on stored charge that a pixel below full scale never reaches, noise included.
+pub(super) const UNREACHED: f64 = 2.5;
+
+/// Steps and whether surplus charge is counted in whole thresholds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Scale {
+    pub steps: u32,
+    pub surplus: bool,
+    /// Whole thresholds that one increment may add beyond the first.
+    pub extra_thresholds: u32,
+}
+
+impl Scale {
+    /// The smallest multiplier that stands for a deviation of whole steps.
+    pub fn smallest_deviation(&self) -> f64 {
+        WHOLE_STEPS * multiplier_per_step()
+    }
+}
+
+/// The kernel computes `(unit * multiplier + 2^14) >> 15`.
+pub(super) fn multiplier_per_step() -> f64 {
+    32_768.0 / gauss::SCALE
+}
+
+/// Largest and smallest values over the pixels, in nominal thresholds.
+#[derive(Clone, Copy, Debug)]
+struct Extremes {
+    threshold: f64,
+    smallest_threshold: f64,
+    increment: f64,
+    noise: f64,
+    shot: f64,
+    ceiling: f64,
+    relative_increment: f64,
+}
+
+impl Extremes {
+    fn of(model: &Model, light: f64) -> Self {
+        let none = Self {
+            threshold: 0.0,
+            smallest_threshold: f64::INFINITY,
+            increment: 0.0,
+            noise: 0.0,
+            shot: 0.0,
+            ceiling: 0.0,
+            relative_increment: 0.0,
+        };
+        let laws = (0..model.circuit.pixels()).map(|p| model.law(p));
+        laws.fold(none, |e, law| e.with(&law, light))
+    }
+
+    fn with(self, law: &Law, light: f64) -> Self {
+        let increment = law.gain.max(0.0) * light + law.dark.max(0.0);
+        let quanta = law.quanta_light * light + law.quanta_dark;
+        Self {
+            threshold: self.threshold.max(law.threshold),
+            smallest_threshold: self.smallest_threshold.min(law.threshold),
+            increment: self.increment.max(increment),
+            noise: self.noise.max(law.noise),
+            shot: self.shot.max(law.quantum * quanta.sqrt()),
+            ceiling: self.ceiling.max(law.ceiling / law.threshold),
+            relative_increment: self.relative_increment.max(increment / law.threshold),
+        }
+    }
+}
+
+/// Chooses the scale; `docs/fixed-point.md`, "Headroom", derives each line.
+pub(super) fn choose(model: &Model, light: f64) -> Result<Scale> {
+    let mut e = Extremes::of(model, light);
+    let loses_remainder = model.ops.iter().any(|op| matches!(op, Op::Remainder { lost } if *lost > 0.0));
+    if loses_remainder && e.ceiling.is_infinite() {
+        // A pixel whose increments stay below its threshold never holds two of them,
+        // so a bound above that changes nothing; brighter ones need a stated bound.
+        if e.relative_increment > 1.0 {
+            return Err(unbounded_remainder(&e));
+        }
+        e.ceiling = UNREACHED;
+    }
+    let surplus = e.ceiling.is_infinite();
+    let reach = f64::from(gauss::LARGEST) / gauss::SCALE;
+    let most = [
+        f64::from(STEPS),
+        24_000.0 / e.threshold,
+        // The multipliers of both deviations fit 16 bits.
+        0.97 * gauss::SCALE / e.noise,
+        0.97 * gauss::SCALE / e.shot,
+        if surplus {
+            // An increment on an empty pixel, with its noise.
+            31_000.0 / (e.increment + reach * e.shot)
+        } else {
+            // The largest charge, and the noise that a saturated sum still has to hold.
+            32_000.0 / (e.ceiling * e.threshold + reach * e.shot)
+        },
+    ];
+    let limit = most.into_iter().fold(f64::INFINITY, f64::min);
+    if limit < f64::from(FEWEST) {
+        return Err(too_wide(&e, light));
+    }
+    let steps = limit as u32;
+    if e.smallest_threshold * f64::from(steps) < 64.0 {
+        return Err(Error::new(Kind::Config, "fixed point")
+            .found(format_args!(
+                "a pixel with {:.2} % of the nominal threshold",
+                100.0 * e.smallest_threshold
+            ))
+            .expected("at least 64 steps of charge for every pixel")
+            .remedy("lower the spread of capacitor_mismatch or bias_voltage"));
+    }
+    let extra_thresholds = if surplus { e.relative_increment.ceil() as u32 } else { 0 };
+    Ok(Scale { steps, surplus, extra_thresholds })
+}
+
+fn unbounded_remainder(e: &Extremes) -> Error {
+    Error::new(Kind::Config, "partial_reset without saturation_clamp")
+        .found(format_args!("increments of up to {:.3} thresholds per readout", e.relative_increment))
+        .expected("at most one threshold per readout, or a bound on the stored charge")
+        .remedy("add saturation_clamp, or lower the exposure")
+}
+
+fn too_wide(e: &Extremes, light: f64) -> Error {
+    Error::new(Kind::Config, "fixed point")
+        .found(format_args!(
+            "increments up to {:.3}, thresholds up to {:.3}, a largest charge of {:.3}, threshold \
+             noise of {:.4} and shot noise of {:.4} (nominal thresholds, at light {light})",
+            e.increment, e.threshold, e.ceiling, e.noise, e.shot
+        ))
+        .expected("a camera that fits 16 bits with 1024 steps or more to a threshold")
+        .remedy("lower the exposure, the noise or the largest charge (above 26 thresholds, leave saturation_clamp away)")
+}

@@ -1,0 +1,169 @@
+//! Per-pixel tables and the rules that every readout follows.
+
+use crate::draws::hash;
+use crate::effects::Model;
+use crate::error::Result;
+use crate::pixel::{Law, Op, Redraw};
+use crate::plan::LANES;
+use crate::plan::scale::{Scale, UNREACHED, WHOLE_STEPS, multiplier_per_step};
+
+/// Steps times 65,536: the unit of increments.
+pub const FRACTION: f64 = 65_536.0;
+
+/// The kernels' unit of light is this part of full scale.
+pub const FULL_SCALE: f64 = 255.0;
+
+/// Per-pixel constants in row-major order, padded with pixels that never fire.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tables {
+    /// Threshold in steps.
+    pub threshold: Vec<i16>,
+    /// Keys of the pairs of pixels, half as many.
+    pub pair_keys: Vec<u32>,
+    /// Increment of 1/255 of full-scale light, in steps x 65,536: with 8-bit
+    /// light the product of grey level and gain is then exact for an ideal pixel.
+    pub gain: Vec<f32>,
+    /// Increment of the dark current, in steps x 65,536.
+    pub dark: Vec<f32>,
+    /// Charge above the threshold at which storage ends, in steps; empty without a bound.
+    pub ceiling: Vec<i16>,
+    /// Quanta, if any.
+    pub shot: Option<Shot>,
+    /// Threshold noise, if any.
+    pub noise: Option<NoiseTable>,
+}
+
+/// Tables of the light's and the dark current's quanta.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shot {
+    /// Keys of the pixels.
+    pub keys: Vec<u32>,
+    /// Mean quanta of 1/255 of full-scale light per readout.
+    pub light: Vec<f32>,
+    /// Mean quanta of the dark current per readout.
+    pub dark: Vec<f32>,
+    /// Charge of a quantum in steps x 65,536.
+    pub quantum: Vec<f32>,
+}
+
+/// Deviation of the threshold noise.
+#[derive(Clone, Debug, PartialEq)]
+pub enum NoiseTable {
+    /// Multipliers for noise in whole steps.
+    Whole(Vec<i16>),
+    /// Steps x 65,536 per unit of the normal draw, for noise below a few steps.
+    Fine(Vec<f32>),
+}
+
+/// Probabilities in units of 2^-32.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Flip {
+    /// Of losing a spike.
+    pub missed: u32,
+    /// Of inventing one.
+    pub spurious: u32,
+}
+
+/// What every readout does, the same for all pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rules {
+    /// When threshold noise is drawn.
+    pub redraw: Redraw,
+    /// Charge beyond a threshold is counted in whole thresholds.
+    pub surplus: bool,
+    /// Whole thresholds that one increment may leave beyond the first.
+    pub extra_thresholds: u32,
+    /// Share of the first increment after a spike that is lost.
+    pub lost_increment: f32,
+    /// Share of the remaining charge that is kept at a spike.
+    pub kept_remainder: f32,
+    /// Flipped bits, if any.
+    pub flip: Option<Flip>,
+    /// Brightest light in 1/255 of full scale.
+    pub greatest_light: f32,
+}
+
+impl Rules {
+    /// Whether any rule beyond quanta, threshold noise, clamp and surplus applies.
+    #[must_use]
+    pub fn extras(&self) -> bool {
+        self.lost_increment != 0.0 || self.kept_remainder != 1.0 || self.flip.is_some()
+    }
+}
+
+pub(super) fn build(model: &Model, scale: &Scale, greatest_light: f64) -> Result<(Tables, Rules)> {
+    let laws: Vec<Law> = (0..model.circuit.pixels()).map(|p| model.law(p)).collect();
+    let first = &laws[0];
+    let probability = |p: f64| (p * 4_294_967_296.0).min(f64::from(u32::MAX)) as u32;
+    let flips = first.missed != 0.0 || first.spurious != 0.0;
+    let rules = Rules {
+        redraw: redraw(model),
+        surplus: scale.surplus,
+        extra_thresholds: scale.extra_thresholds,
+        lost_increment: first.lost_increment as f32,
+        kept_remainder: (1.0 - first.lost_remainder) as f32,
+        flip: flips
+            .then(|| Flip { missed: probability(first.missed), spurious: probability(first.spurious) }),
+        greatest_light: (greatest_light * FULL_SCALE) as f32,
+    };
+    Ok((tables(&laws, scale), rules))
+}
+
+fn redraw(model: &Model) -> Redraw {
+    let rules = model.ops.iter().filter_map(|op| match op {
+        Op::ThresholdNoise { redraw, .. } => Some(*redraw),
+        _ => None,
+    });
+    rules.last().unwrap_or(Redraw::EveryReset)
+}
+
+fn tables(laws: &[Law], scale: &Scale) -> Tables {
+    let steps = f64::from(scale.steps);
+    let whole = |law: &Law| (law.threshold * steps).round();
+    // Steps per nominal threshold of charge: the pixel's own rounded threshold sets the unit.
+    let unit = |law: &Law| whole(law) / law.threshold;
+    let fixed = |f: fn(&Law) -> f64| pad(laws, 0.0, |law| (f(law) * unit(law) * FRACTION) as f32);
+    let plain = |f: fn(&Law) -> f64| pad(laws, 0.0, |law| f(law) as f32);
+    let ceiling = |law: &Law| {
+        let bound = law.ceiling / law.threshold;
+        let thresholds = if bound.is_finite() { bound } else { UNREACHED };
+        ((thresholds - 1.0) * whole(law)).round() as i16
+    };
+    let padded = laws.len().next_multiple_of(LANES);
+    let keys = |count: usize| (0..count as u32).map(hash::key).collect();
+    Tables {
+        // A threshold far above a charge that never grows.
+        threshold: pad(laws, 16_000, |law| whole(law) as i16),
+        pair_keys: keys(padded / 2),
+        gain: fixed(|law| law.gain / FULL_SCALE),
+        dark: fixed(|law| law.dark),
+        ceiling: if scale.surplus { Vec::new() } else { pad(laws, 0, ceiling) },
+        shot: laws.iter().any(|law| law.quantum > 0.0).then(|| Shot {
+            keys: keys(padded),
+            light: plain(|law| law.quanta_light / FULL_SCALE),
+            dark: plain(|law| law.quanta_dark),
+            quantum: fixed(|law| law.quantum),
+        }),
+        noise: noise_table(laws, |law| law.noise * unit(law)),
+    }
+}
+
+/// Rounding to whole steps adds a variance of 1/12, which is taken off beforehand (Sheppard).
+fn noise_table(laws: &[Law], deviation: impl Fn(&Law) -> f64) -> Option<NoiseTable> {
+    let deviations = || laws.iter().map(&deviation);
+    if deviations().all(|d| d == 0.0) {
+        return None;
+    }
+    if deviations().all(|d| d == 0.0 || d >= WHOLE_STEPS) {
+        let multiplier = |d: f64| ((d * d - 1.0 / 12.0).max(0.0).sqrt() * multiplier_per_step()).round();
+        return Some(NoiseTable::Whole(pad(laws, 0, |law| multiplier(deviation(law)) as i16)));
+    }
+    let per_unit = FRACTION / crate::draws::gauss::SCALE;
+    Some(NoiseTable::Fine(pad(laws, 0.0, |law| (deviation(law) * per_unit) as f32)))
+}
+
+fn pad<T: Clone>(laws: &[Law], filler: T, value: impl Fn(&Law) -> T) -> Vec<T> {
+    let mut table: Vec<T> = laws.iter().map(value).collect();
+    table.resize(laws.len().next_multiple_of(LANES), filler);
+    table
+}

@@ -1,0 +1,250 @@
+use crate::draws::Seeds;
+use crate::effects::Camera;
+use crate::error::{Error, Kind, Result};
+use crate::kernels::{self, Backend, Batch, Job, Light, Segment};
+use crate::plan::{LANES, Plan, State, StateParts};
+use crate::simulate::FrameRef;
+
+/// Pixels of a tile: its tables, state and bits stay in the first-level cache.
+const TILE: usize = 4096;
+
+/// Readouts of a batch: long enough that loading a vector's tables costs
+/// nothing, short enough that a tile's bits stay in cache.
+const BATCH: usize = 128;
+
+/// A camera at work: push light, receive packed readouts.
+///
+/// The state is the camera's only memory. It can be cloned with the
+/// simulator, saved with [`State::to_bytes`] and put back at any readout.
+#[derive(Clone, Debug)]
+pub struct Simulator {
+    plan: Plan,
+    state: State,
+    backend: Backend,
+    bits: Vec<Vec<u8>>,
+    #[cfg(feature = "threads")]
+    pool: Option<std::sync::Arc<rayon::ThreadPool>>,
+}
+
+impl Simulator {
+    /// The camera before its first readout, on the fastest backend of this CPU, with one thread.
+    ///
+    /// # Errors
+    /// See [`Plan::new`].
+    pub fn new(camera: &Camera, seeds: Seeds) -> Result<Self> {
+        Ok(Self::of_plan(Plan::new(camera, seeds)?))
+    }
+
+    /// A plan before its first readout.
+    #[must_use]
+    pub fn of_plan(plan: Plan) -> Self {
+        let tiles = plan.padded().div_ceil(TILE);
+        Self {
+            state: plan.start(),
+            backend: Backend::best(),
+            bits: vec![Vec::new(); tiles],
+            plan,
+            #[cfg(feature = "threads")]
+            pool: None,
+        }
+    }
+
+    /// This simulator on another backend; the bits stay the same.
+    ///
+    /// # Errors
+    /// When this CPU lacks it.
+    pub fn with_backend(mut self, backend: Backend) -> Result<Self> {
+        if !backend.available() {
+            return Err(Error::new(Kind::Usage, "backend")
+                .found(backend)
+                .expected("one that this CPU has")
+                .remedy("use auto"));
+        }
+        self.backend = backend;
+        Ok(self)
+    }
+
+    /// This simulator on `threads` threads of its own; the bits stay the same.
+    ///
+    /// # Errors
+    /// When the system gives no threads.
+    #[cfg(feature = "threads")]
+    pub fn with_threads(mut self, threads: usize) -> Result<Self> {
+        if threads <= 1 {
+            self.pool = None;
+            return Ok(self);
+        }
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let pool = pool.map_err(|e| Error::new(Kind::Io, "threads").found(e))?;
+        self.pool = Some(std::sync::Arc::new(pool));
+        Ok(self)
+    }
+
+    /// The plan.
+    #[must_use]
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// The backend.
+    #[must_use]
+    pub fn backend(&self) -> Backend {
+        self.backend
+    }
+
+    /// The state after the last readout.
+    #[must_use]
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// Continues from `state`, for instance one read by [`State::from_bytes`]
+    /// with [`Plan::start`] as its pattern.
+    ///
+    /// # Errors
+    /// When the state belongs to another plan.
+    pub fn resume(&mut self, state: State) -> Result<()> {
+        let bytes = state.to_bytes();
+        self.state = State::from_bytes(&bytes, &self.plan.start())?;
+        Ok(())
+    }
+
+    /// Holds `frame` for as many readouts as `out` has packed frames
+    /// ([`crate::Geometry::frame_bytes`] each, whatever they held before).
+    ///
+    /// # Errors
+    /// When the frame has another size than the sensor, holds light that is
+    /// negative or not a number, or `out` is no whole number of frames.
+    pub fn push(&mut self, frame: FrameRef<'_>, out: &mut [u8]) -> Result<()> {
+        let dense = frame.checked(self.plan.geometry())?;
+        let readouts = self.readouts(out)?;
+        let light = Light::Held(dense.samples());
+        self.run(&[Segment { readouts, light }], out);
+        Ok(())
+    }
+
+    /// Goes from one frame to the next: readout `i` sees
+    /// `from + (to - from) * weights[i]`, and `out` has a packed frame for each weight.
+    ///
+    /// # Errors
+    /// See [`Simulator::push`]; weights must lie within 0 to 1.
+    pub fn push_between(
+        &mut self,
+        from: FrameRef<'_>,
+        to: FrameRef<'_>,
+        weights: &[f32],
+        out: &mut [u8],
+    ) -> Result<()> {
+        let geometry = self.plan.geometry();
+        let (from, to) = (from.checked(geometry)?, to.checked(geometry)?);
+        if self.readouts(out)? != weights.len() || weights.iter().any(|w| !(0.0..=1.0).contains(w)) {
+            return Err(Error::new(Kind::Usage, "weights")
+                .found(format_args!("{} weights", weights.len()))
+                .expected("one within 0 to 1 for every packed frame of the output"));
+        }
+        let light = Light::Between { from: from.samples(), to: to.samples(), weights };
+        self.run(&[Segment { readouts: weights.len(), light }], out);
+        Ok(())
+    }
+
+    fn readouts(&self, out: &[u8]) -> Result<usize> {
+        let bytes = self.plan.geometry().frame_bytes();
+        if !out.len().is_multiple_of(bytes) {
+            return Err(Error::new(Kind::Usage, "output buffer")
+                .found(format_args!("{} bytes", out.len()))
+                .expected(format_args!("a multiple of {bytes}, one packed frame")));
+        }
+        Ok(out.len() / bytes)
+    }
+
+    /// Runs whole segments, cut into batches; the light has been checked.
+    pub(crate) fn run(&mut self, segments: &[Segment<'_>], out: &mut [u8]) {
+        let bytes = self.plan.geometry().frame_bytes();
+        let mut frames = out;
+        for batch in batches(segments) {
+            let readouts: usize = batch.iter().map(|s| s.readouts).sum();
+            let (now, later) = frames.split_at_mut(readouts * bytes);
+            self.run_batch(&batch, now);
+            frames = later;
+        }
+    }
+
+    fn run_batch(&mut self, segments: &[Segment<'_>], out: &mut [u8]) {
+        let batch = Batch::new(&self.plan, self.state.readout(), segments);
+        let readouts = batch.readouts();
+        let (plan, backend) = (&self.plan, self.backend);
+        let tile = |(i, (part, bits)): (usize, (&mut StateParts<'_>, &mut Vec<u8>))| {
+            let job = Job::new(plan, &batch, i * TILE, TILE);
+            bits.resize(readouts * job.tile_bytes(), 0);
+            kernels::run(backend, &job, part, bits);
+        };
+        let mut parts = self.state.tiles(TILE);
+        #[cfg(feature = "threads")]
+        if let Some(pool) = &self.pool {
+            use rayon::prelude::*;
+            let work = parts.par_iter_mut().zip(self.bits.par_iter_mut()).enumerate();
+            pool.install(|| work.with_max_len(1).for_each(tile));
+            let bytes = plan.geometry().frame_bytes();
+            let frames = out.par_chunks_exact_mut(bytes).enumerate().with_min_len(8);
+            pool.install(|| frames.for_each(|(t, frame)| gather(&self.bits, readouts, t, plan, frame)));
+            self.state.advance(readouts);
+            return;
+        }
+        parts.iter_mut().zip(&mut self.bits).enumerate().for_each(tile);
+        for (t, frame) in out.chunks_exact_mut(plan.geometry().frame_bytes()).enumerate() {
+            gather(&self.bits, readouts, t, plan, frame);
+        }
+        self.state.advance(readouts);
+    }
+}
+
+/// Collects the tiles' bits of readout `t` into a packed frame.
+fn gather(tiles: &[Vec<u8>], readouts: usize, t: usize, plan: &Plan, frame: &mut [u8]) {
+    for (bits, slot) in tiles.iter().zip(frame.chunks_mut(TILE / 8)) {
+        let bytes = bits.len() / readouts;
+        slot.copy_from_slice(&bits[t * bytes..][..slot.len()]);
+    }
+    // Flipped bits may reach into the padding.
+    let used = plan.geometry().pixels() % 8;
+    if let (Some(last), true) = (frame.last_mut(), used != 0) {
+        *last &= (1 << used) - 1;
+    }
+}
+
+/// Cuts segments into runs of at most [`BATCH`] readouts.
+fn batches<'a>(segments: &[Segment<'a>]) -> Vec<Vec<Segment<'a>>> {
+    let mut all = vec![Vec::new()];
+    let mut room = BATCH;
+    for segment in segments {
+        let mut rest = *segment;
+        while rest.readouts > 0 {
+            if room == 0 {
+                all.push(Vec::new());
+                room = BATCH;
+            }
+            let now = rest.readouts.min(room);
+            let (first, later) = split(rest, now);
+            if let Some(batch) = all.last_mut() {
+                batch.push(first);
+            }
+            room -= now;
+            rest = later;
+        }
+    }
+    all.retain(|batch| !batch.is_empty());
+    all
+}
+
+fn split(segment: Segment<'_>, at: usize) -> (Segment<'_>, Segment<'_>) {
+    let (first, later) = match segment.light {
+        Light::Held(_) => (segment.light, segment.light),
+        Light::Between { from, to, weights } => {
+            let (a, b) = weights.split_at(at);
+            let between = |weights| Light::Between { from, to, weights };
+            (between(a), between(b))
+        }
+    };
+    (Segment { readouts: at, light: first }, Segment { readouts: segment.readouts - at, light: later })
+}
+
+const _: () = assert!(TILE.is_multiple_of(LANES));

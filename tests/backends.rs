@@ -1,0 +1,145 @@
+//! Every backend equals the reference bit for bit, for any plan, size, tile and light.
+
+use proptest::prelude::*;
+use spikelane::draws::Seeds;
+use spikelane::effects::{self, Camera};
+use spikelane::kernels::{self, Backend, Batch, Job, Light, Samples, Segment};
+use spikelane::plan::{Plan, State};
+use spikelane::sensor::Sensor;
+
+/// Light of one run: two frames in one of the three sample types.
+#[derive(Clone, Debug)]
+enum Frames {
+    U8(Vec<u8>, Vec<u8>),
+    U16(Vec<u16>, Vec<u16>),
+    F32(Vec<f32>, Vec<f32>),
+}
+
+impl Frames {
+    fn pair(&self) -> (Samples<'_>, Samples<'_>) {
+        match self {
+            Self::U8(a, b) => (Samples::U8(a), Samples::U8(b)),
+            Self::U16(a, b) => (Samples::U16(a), Samples::U16(b)),
+            Self::F32(a, b) => (Samples::F32(a), Samples::F32(b)),
+        }
+    }
+}
+
+fn frames(pixels: usize) -> impl Strategy<Value = Frames> {
+    let u8s = || proptest::collection::vec(any::<u8>(), pixels);
+    let u16s = || proptest::collection::vec(any::<u16>(), pixels);
+    let f32s = || proptest::collection::vec(0.0f32..1.6, pixels);
+    prop_oneof![
+        (u8s(), u8s()).prop_map(|(a, b)| Frames::U8(a, b)),
+        (u16s(), u16s()).prop_map(|(a, b)| Frames::U16(a, b)),
+        (f32s(), f32s()).prop_map(|(a, b)| Frames::F32(a, b)),
+    ]
+}
+
+/// A camera with a random subset of all effects, at random strengths up to twice the typical.
+fn camera(width: u32, height: u32) -> impl Strategy<Value = Camera> {
+    let strengths = proptest::collection::vec((any::<bool>(), 0.0..2.0f64, 0..4u8), effects::ALL.len());
+    strengths.prop_map(move |strengths| {
+        let mut camera = Camera::ideal(Sensor::new(width, height, 20_000.0).unwrap());
+        for (definition, (present, strength, choice)) in effects::ALL.iter().zip(strengths) {
+            if present {
+                camera = camera.with(effect(definition, strength, choice));
+            }
+        }
+        camera
+    })
+}
+
+fn effect(definition: &'static effects::Definition, strength: f64, choice: u8) -> effects::Effect {
+    let mut effect = definition.neutral();
+    for param in definition.params {
+        let value = match param.form {
+            effects::definition::Form::Choice(words) => f64::from(choice % words.len() as u8),
+            effects::definition::Form::Number { low, high, .. } if param.neutral.is_finite() => {
+                (param.neutral + strength * (param.typical - param.neutral)).clamp(low, high)
+            }
+            effects::definition::Form::Number { .. } => 1.0 + strength,
+        };
+        effect = effect.with(param.key, value).unwrap();
+    }
+    effect
+}
+
+/// Runs `readouts` in tiles of `tile`: some held, some between frames.
+fn run(
+    plan: &Plan,
+    frames: &Frames,
+    readouts: usize,
+    tile: usize,
+    backend: Backend,
+) -> (Vec<Vec<u8>>, State) {
+    let (from, to) = frames.pair();
+    let held = readouts / 2;
+    let weights: Vec<f32> = (0..readouts - held).map(|i| i as f32 / 16.0).collect();
+    let segments = [
+        Segment { readouts: held, light: Light::Held(from) },
+        Segment { readouts: readouts - held, light: Light::Between { from, to, weights: &weights } },
+    ];
+    let batch = Batch::new(plan, 0, &segments);
+    let mut state = plan.start();
+    let outs = state
+        .tiles(tile)
+        .iter_mut()
+        .enumerate()
+        .map(|(i, part)| {
+            let job = Job::new(plan, &batch, i * tile, tile);
+            let mut out = vec![0xa5; readouts * job.tile_bytes()];
+            kernels::run(backend, &job, part, &mut out);
+            out
+        })
+        .collect();
+    (outs, state)
+}
+
+fn vectors() -> impl Iterator<Item = Backend> {
+    Backend::ALL.into_iter().skip(1).filter(|b| {
+        let available = b.available();
+        if !available {
+            eprintln!("skipped backend {b}: this CPU lacks its instructions");
+        }
+        available
+    })
+}
+
+#[test]
+fn required_backends_are_available() {
+    let Ok(required) = std::env::var("SPIKELANE_REQUIRE_BACKENDS") else {
+        eprintln!("skipped: SPIKELANE_REQUIRE_BACKENDS names no backends");
+        return;
+    };
+    for name in required.split(',').filter(|n| !n.is_empty()) {
+        assert!(Backend::parse(name).unwrap().available(), "{name}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 192, ..ProptestConfig::default() })]
+
+    #[test]
+    fn every_backend_equals_the_reference_bit_for_bit(
+        (camera, frames) in (1u32..90, 1u32..5).prop_flat_map(|(w, h)| (camera(w, h), frames((w * h) as usize))),
+        greatest in 0.5f64..2.0,
+        shot in any::<u64>(),
+        readouts in 1usize..70,
+        tile in 1usize..4,
+    ) {
+        let seeds = Seeds { camera: 7, shot, sequence: 1 };
+        let plan = match Plan::with_light(&camera, seeds, greatest) {
+            Ok(plan) => plan,
+            // A camera that the fixed point cannot hold is refused, not approximated.
+            Err(_) => return Ok(()),
+        };
+        let expected = run(&plan, &frames, readouts, 64, Backend::Reference);
+        for backend in vectors() {
+            let found = run(&plan, &frames, readouts, 64, backend);
+            prop_assert_eq!(&expected, &found, "{}", backend);
+        }
+        let (_, state) = run(&plan, &frames, readouts, tile * 64, Backend::Reference);
+        prop_assert_eq!(&expected.1, &state, "tile {}", tile);
+    }
+}
