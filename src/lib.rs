@@ -41,6 +41,8 @@ pub mod error;
 pub mod kernels;
 pub mod pixel;
 pub mod plan;
+#[cfg(feature = "files")]
+pub mod presets;
 pub mod sensor;
 pub mod simulate;
 pub mod spikes;

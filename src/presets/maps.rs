@@ -1,0 +1,102 @@
+//! Per-pixel maps beside a camera file: `.npy` by relative path and digest.
+
+use std::path::{Component, Path};
+
+use serde::{Deserialize, Serialize};
+
+use crate::effects::Maps;
+use crate::error::{Error, Kind, Result};
+use crate::spikes::Geometry;
+
+/// One map: its file, relative to the camera file, and the digest of its bytes.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Entry {
+    pub file: String,
+    pub digest: String,
+}
+
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Table {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gain: Option<Entry>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dark_pa: Option<Entry>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub capacitance_ff: Option<Entry>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub swing_v: Option<Entry>,
+}
+
+impl Table {
+    pub fn load(&self, folder: Option<&Path>, geometry: Geometry) -> Result<Maps> {
+        let load = |key: &str, entry: &Option<Entry>| match entry {
+            None => Ok(None),
+            Some(entry) => {
+                let map = entry.load(folder, geometry);
+                map.map(Some).map_err(|e| e.within(format_args!("maps.{key}")))
+            }
+        };
+        Ok(Maps {
+            gain: load("gain", &self.gain)?,
+            dark_pa: load("dark_pa", &self.dark_pa)?,
+            capacitance_ff: load("capacitance_ff", &self.capacitance_ff)?,
+            swing_v: load("swing_v", &self.swing_v)?,
+        })
+    }
+}
+
+pub(super) fn digest(bytes: &[u8]) -> String {
+    format!("blake3:{}", blake3::hash(bytes).to_hex())
+}
+
+impl Entry {
+    fn load(&self, folder: Option<&Path>, geometry: Geometry) -> Result<Vec<f64>> {
+        let relative = Path::new(&self.file);
+        let inside = relative.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+        let (Some(folder), true) = (folder, inside) else {
+            return Err(Error::new(Kind::Config, &self.file)
+                .expected("a path relative to the camera file, inside its folder"));
+        };
+        let path = folder.join(relative);
+        let bytes = std::fs::read(&path).map_err(|e| Error::io(path.display(), e))?;
+        let found = digest(&bytes);
+        if found != self.digest {
+            return Err(Error::new(Kind::Corrupt, path.display())
+                .found(found)
+                .expected(&self.digest)
+                .remedy("restore the map that belongs to this camera file"));
+        }
+        read(&bytes, geometry).map_err(|e| e.within(path.display()))
+    }
+}
+
+fn read(bytes: &[u8], geometry: Geometry) -> Result<Vec<f64>> {
+    let wrong = |found: &dyn std::fmt::Display| {
+        Error::new(Kind::Input, "map").found(found).expected(format_args!(
+            "a C-ordered .npy array of {} rows and {} columns of f64",
+            geometry.height(),
+            geometry.width()
+        ))
+    };
+    let npy = npyz::NpyFile::new(bytes).map_err(|e| wrong(&e))?;
+    let shape = npy.shape().to_vec();
+    if shape != [geometry.height() as u64, geometry.width() as u64] || npy.order() != npyz::Order::C {
+        return Err(wrong(&format_args!("shape {shape:?}")));
+    }
+    npy.into_vec::<f64>().map_err(|e| wrong(&e))
+}
+
+/// The bytes of a map as `.npy`.
+pub(super) fn write(map: &[f64], geometry: Geometry) -> Result<Vec<u8>> {
+    use npyz::WriterBuilder;
+    let mut bytes = Vec::new();
+    let shape = [geometry.height() as u64, geometry.width() as u64];
+    let io = |e| Error::io("map", e);
+    let options = npyz::WriteOptions::new().default_dtype().shape(&shape);
+    let mut writer = options.writer(&mut bytes).begin_nd().map_err(io)?;
+    writer.extend(map.iter().copied()).map_err(io)?;
+    writer.finish().map_err(io)?;
+    Ok(bytes)
+}
