@@ -24,6 +24,9 @@ pub use writer::{Finished, StreamWriter};
 use crate::error::{Error, Kind, Result};
 use crate::spikes::Geometry;
 
+/// The longest stream: offsets in files have 63 bits, and a header needs some room.
+const MAX_DATA: u64 = i64::MAX as u64 - (1 << 20);
+
 /// How the frames of a stream lie in a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -102,14 +105,18 @@ impl Layout {
     }
 
     /// The bytes before the first frame of a stream of `readouts` frames.
-    #[must_use]
-    pub fn header(self, geometry: Geometry, readouts: u64) -> Vec<u8> {
+    ///
+    /// # Errors
+    /// As [`file_bytes`](Self::file_bytes).
+    pub fn header(self, geometry: Geometry, readouts: u64) -> Result<Vec<u8>> {
+        // Before the header is made: its crate multiplies the shape unchecked.
+        self.data_bytes(geometry, readouts)?;
         let (w, h) = (geometry.width() as u64, geometry.height() as u64);
-        match self {
+        Ok(match self {
             Self::NpyBits => npy::header(&[readouts, h, w.div_ceil(8)]),
             Self::NpyBytes => npy::header(&[readouts, h, w]),
             _ => Vec::new(),
-        }
+        })
     }
 
     /// Bytes of one frame in the file.
@@ -139,16 +146,18 @@ impl Layout {
     /// # Errors
     /// [`Kind::Usage`] as [`frame_bytes`](Self::frame_bytes), and when 64 bits cannot count them.
     pub fn file_bytes(self, geometry: Geometry, readouts: u64) -> Result<u64> {
-        let header = self.header(geometry, readouts).len() as u64;
+        let header = self.header(geometry, readouts)?.len() as u64;
+        Ok(header + self.data_bytes(geometry, readouts)?)
+    }
+
+    fn data_bytes(self, geometry: Geometry, readouts: u64) -> Result<u64> {
         readouts
             .checked_mul(self.frame_bytes(geometry)? as u64)
-            .and_then(|frames| frames.checked_add(header))
-            // Offsets in files are signed.
-            .filter(|&bytes| i64::try_from(bytes).is_ok())
+            .filter(|&bytes| bytes <= MAX_DATA)
             .ok_or_else(|| {
                 Error::new(Kind::Usage, "readouts")
                     .found(readouts)
-                    .expected("a stream of less than 2^63 bytes")
+                    .expected(format_args!("a stream of at most {MAX_DATA} bytes"))
             })
     }
 

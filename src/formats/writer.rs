@@ -57,7 +57,7 @@ impl StreamWriter {
         }
         let bytes = layout.file_bytes(geometry, readouts)?;
         let mut writer = Writer::create(path, bytes, force)?;
-        let header = layout.header(geometry, readouts);
+        let header = layout.header(geometry, readouts)?;
         writer.write_all(&header)?;
         let mut digest = Digest::new();
         digest.update(&header);
