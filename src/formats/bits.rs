@@ -3,8 +3,8 @@
 /// Copies `n` bits, least significant first, from bit `from_bit` of `from` to
 /// bit `to_bit` of `to`; other bits of `to` stay.
 ///
-/// Whole words of the destination are assembled from two loads and a shift;
-/// copying bit by bit was thirty times slower.
+/// First to a whole byte of the destination, then whole words of it, each from a load, the
+/// byte behind it and a shift (a loop the compiler vectorises), then what is left.
 pub(super) fn copy_bits(to: &mut [u8], to_bit: usize, from: &[u8], from_bit: usize, n: usize) {
     let (mut t, mut f, end) = (to_bit, from_bit, to_bit + n);
     if !t.is_multiple_of(8) && t < end {
@@ -13,30 +13,39 @@ pub(super) fn copy_bits(to: &mut [u8], to_bit: usize, from: &[u8], from_bit: usi
         (t, f) = (t + m, f + m);
     }
     let words = (end - t) / 64;
-    let (first, shift) = (f / 8, f % 8);
     if words > 0 {
-        let (out, _) = to[t / 8..].as_chunks_mut::<8>();
-        for (i, word) in out[..words].iter_mut().enumerate() {
-            *word = load(from, first + 8 * i, shift).to_le_bytes();
-        }
+        copy_words(&mut to[t / 8..t / 8 + 8 * words], &from[f / 8..], f % 8);
     }
     (t, f) = (t + 64 * words, f + 64 * words);
-    while t < end {
-        let m = (end - t).min(8);
-        put(to, t, take(from, f, m), m);
-        (t, f) = (t + m, f + m);
+    if t < end {
+        copy_rest(&mut to[t / 8..], from, f, end - t);
     }
 }
 
-/// 64 bits from bit `shift` of byte `at` on.
-fn load(from: &[u8], at: usize, shift: usize) -> u64 {
-    let mut word = [0; 8];
-    word.copy_from_slice(&from[at..at + 8]);
-    let low = u64::from_le_bytes(word) >> shift;
+fn copy_words(to: &mut [u8], from: &[u8], shift: usize) {
     if shift == 0 {
-        low
-    } else {
-        low | u64::from(from[at + 8]) << (64 - shift)
+        to.copy_from_slice(&from[..to.len()]);
+        return;
+    }
+    let behind = from[8..=to.len()].iter().step_by(8);
+    let words = from.as_chunks::<8>().0.iter().zip(behind);
+    for (out, (word, &next)) in to.as_chunks_mut::<8>().0.iter_mut().zip(words) {
+        let word = u64::from_le_bytes(*word) >> shift | u64::from(next) << (64 - shift);
+        *out = word.to_le_bytes();
+    }
+}
+
+/// Less than 64 bits, to the start of `to`.
+fn copy_rest(to: &mut [u8], from: &[u8], from_bit: usize, n: usize) {
+    let (at, shift) = (from_bit / 8, from_bit % 8);
+    let mut bytes = [0; 16];
+    let used = (shift + n).div_ceil(8);
+    bytes[..used].copy_from_slice(&from[at..at + used]);
+    let value = ((u128::from_le_bytes(bytes) >> shift) as u64).to_le_bytes();
+    to[..n / 8].copy_from_slice(&value[..n / 8]);
+    if !n.is_multiple_of(8) {
+        let mask = 0xff >> (8 - n % 8);
+        put(to, n / 8 * 8, value[n / 8] & mask, n % 8);
     }
 }
 

@@ -162,7 +162,7 @@ pub(super) fn decode_bytes(file: &[u8], packed: &mut [u8]) -> Result<(), usize> 
 
 /// Eight bits as eight bytes: keep bit k in byte k, then carry any bit into bit 7.
 fn spread(byte: u8) -> [u8; 8] {
-    let kept = u64::from(byte) * 0x0101_0101_0101_0101 & 0x8040_2010_0804_0201;
+    let kept = (u64::from(byte) * 0x0101_0101_0101_0101) & 0x8040_2010_0804_0201;
     ((kept + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101).to_le_bytes()
 }
 
