@@ -494,7 +494,7 @@ fn an_empty_file_maps_to_no_bytes() {
 fn released_pages_come_back_with_the_same_bytes() {
     let dir = TempDir::new().unwrap();
     let path = place(&dir, "a");
-    let bytes: Vec<u8> = (0..1_000_003u32).map(|i| (i * 7 >> 3) as u8).collect();
+    let bytes: Vec<u8> = (0..1_000_003u32).map(|i| ((i * 7) >> 3) as u8).collect();
     write_small(&path, &bytes, false).unwrap();
     let map = Map::open(&path).unwrap();
     map.release(100..1_000_003);
