@@ -96,10 +96,11 @@ proptest! {
         for layout in [Layout::Dat, Layout::DatTop, Layout::NpyBits] {
             let packed = spikes(g, seed);
             let mut file = encoded(layout, g, &packed);
-            let pixels: Vec<usize> = (0..g.pixels())
-                .map(|p| place(layout, g, p / g.width(), p % g.width()))
-                .collect();
-            for b in (0..file.len() * 8).filter(|b| !pixels.contains(b)) {
+            let mut is_pixel = vec![false; file.len() * 8];
+            for p in 0..g.pixels() {
+                is_pixel[place(layout, g, p / g.width(), p % g.width())] = true;
+            }
+            for b in (0..is_pixel.len()).filter(|&b| !is_pixel[b]) {
                 set_bit(&mut file, b);
             }
             prop_assert_eq!(decoded(layout, g, &file), packed);

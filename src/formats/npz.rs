@@ -46,16 +46,25 @@ pub(super) fn read(name: &str, bytes: &[u8]) -> Result<Archive> {
         .data_bytes()
         .filter(|&n| n <= MAX_RATIO.saturating_mul(bytes.len() as u64))
         .ok_or_else(|| bad(format!("an array {:?}, more than it holds", array.shape)))?;
-    if claims == 0 || claims / 8 > MAX_PACKED {
+    let [a, b, c] = array.shape;
+    let (last, readouts, height, width) = match key {
+        "spk.npy" => (false, a, b, c),
+        _ => (true, c, a, b),
+    };
+    let geometry = geometry(name, height, width)?;
+    let packed = (geometry.frame_bytes() as u64).saturating_mul(readouts);
+    if claims == 0 || packed > MAX_PACKED {
         return Err(bad(format!("an array {:?}", array.shape))
             .remedy("unpack larger arrays to .npy, which is mapped"));
     }
     let io = |e: std::io::Error| bad(format!("{key}: {e}"));
-    if key == "spk.npy" {
-        frames_first(name, &array, &mut file, io)
+    let readouts = readouts as usize;
+    let packed = if last {
+        readouts_last(name, geometry, readouts, &mut file, io)
     } else {
-        frames_last(name, &array, &mut file, io)
-    }
+        readouts_first(name, geometry, readouts, &mut file, io)
+    }?;
+    Ok(Archive { geometry, packed })
 }
 
 /// Reads just the header, which says itself how long it is.
@@ -82,60 +91,53 @@ fn geometry(name: &str, height: u64, width: u64) -> Result<Geometry> {
     Geometry::new(side(width), side(height)).map_err(|e| Error::new(Kind::Input, name).found(e))
 }
 
-fn frames_first(
+fn readouts_first(
     name: &str,
-    array: &npy::Array,
+    geometry: Geometry,
+    readouts: usize,
     file: &mut impl Read,
     io: impl Fn(std::io::Error) -> Error,
-) -> Result<Archive> {
-    let [readouts, height, width] = array.shape;
-    let geometry = geometry(name, height, width)?;
+) -> Result<Vec<u8>> {
     let codec = Codec::new(Layout::NpyBytes, geometry)?;
-    let mut frame = vec![0; geometry.pixels()];
     let size = geometry.frame_bytes();
-    let mut packed = Vec::new();
-    for t in 0..readouts as usize {
+    let mut frame = vec![0; geometry.pixels()];
+    let mut packed = vec![0; size * readouts];
+    for (t, packed) in packed.chunks_exact_mut(size).enumerate() {
         file.read_exact(&mut frame).map_err(&io)?;
-        packed.resize((t + 1) * size, 0);
         codec
-            .decode(&frame, &mut packed[t * size..])
+            .decode(&frame, packed)
             .map_err(|e| e.within(format_args!("{name}: readout {t}")))?;
     }
-    Ok(Archive { geometry, packed })
+    Ok(packed)
 }
 
-fn frames_last(
+fn readouts_last(
     name: &str,
-    array: &npy::Array,
+    geometry: Geometry,
+    readouts: usize,
     file: &mut impl Read,
     io: impl Fn(std::io::Error) -> Error,
-) -> Result<Archive> {
-    let [height, width, readouts] = array.shape;
-    let geometry = geometry(name, height, width)?;
-    let (size, readouts) = (geometry.frame_bytes(), readouts as usize);
-    // Padding can weigh more than pixels: 1x1 takes a byte a readout.
-    if (size as u64).saturating_mul(readouts as u64) > MAX_PACKED {
-        return Err(Error::new(Kind::Input, name)
-            .found(format_args!("{readouts} readouts of {geometry}"))
-            .expected(format_args!("a stream of at most {MAX_PACKED} bytes")));
-    }
-    let mut packed = vec![0; size * readouts];
+) -> Result<Vec<u8>> {
+    let size = geometry.frame_bytes();
     let mut times = vec![0; readouts];
+    let mut packed = vec![0; size * readouts];
     for pixel in 0..geometry.pixels() {
         file.read_exact(&mut times).map_err(&io)?;
-        for (t, &value) in times.iter().enumerate() {
-            match value {
-                0 => {}
-                1 => set_bit(&mut packed[t * size..(t + 1) * size], pixel),
-                _ => {
-                    return Err(Error::new(Kind::Input, name)
-                        .found(format_args!(
-                            "the value {value} at pixel {pixel}, readout {t}"
-                        ))
-                        .expected("0 or 1"));
-                }
-            }
+        if let Some(t) = times.iter().position(|&value| value > 1) {
+            return Err(Error::new(Kind::Input, name)
+                .found(format_args!(
+                    "the value {} at pixel {pixel}, readout {t}",
+                    times[t]
+                ))
+                .expected("0 or 1"));
+        }
+        for (frame, _) in packed
+            .chunks_exact_mut(size)
+            .zip(&times)
+            .filter(|(_, value)| **value == 1)
+        {
+            set_bit(frame, pixel);
         }
     }
-    Ok(Archive { geometry, packed })
+    Ok(packed)
 }

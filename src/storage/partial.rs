@@ -130,7 +130,10 @@ fn rename_new(hidden: &Path, path: &Path) -> Result<()> {
         Err(e) if e.kind() == ErrorKind::AlreadyExists => Err(exists(path)),
         // File systems without that rename (NFS, some FUSE) have links, which
         // do not replace either.
-        Err(_) => link_then_unlink(hidden, path),
+        Err(e) if matches!(e.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => {
+            link_then_unlink(hidden, path)
+        }
+        Err(e) => Err(Error::io(path.display(), e)),
     }
 }
 
