@@ -144,6 +144,8 @@ impl Writer {
         })
     }
 
+    /// Maps a window that holds the request. Its pages come one by one as they are
+    /// written; asking for all at once (`MAP_POPULATE`) cost the same.
     fn map(&mut self, offset: u64, len: usize) -> Result<Window> {
         self.write_back_before(offset);
         let start = offset - offset % ALIGN;
