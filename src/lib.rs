@@ -38,14 +38,20 @@
 pub mod draws;
 pub mod effects;
 pub mod error;
+#[cfg(feature = "files")]
+pub mod formats;
 pub mod kernels;
+pub mod light;
 pub mod pixel;
 pub mod plan;
 #[cfg(feature = "files")]
 pub mod presets;
+pub mod reconstruct;
 pub mod sensor;
 pub mod simulate;
 pub mod spikes;
+#[cfg(feature = "files")]
+pub mod storage;
 pub mod units;
 
 pub use draws::Seeds;

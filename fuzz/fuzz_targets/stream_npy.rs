@@ -1,0 +1,105 @@
+//! `.npy`: hostile headers, and well-formed ones in front of any bytes.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use spikelane::formats::{Layout, Reader};
+use spikelane::spikes::bit;
+use spikelane_fuzz::{check_encoding, check_error, check_pixels, geometry};
+
+fuzz_target!(|data: &[u8]| {
+    hostile_header(data);
+    for layout in [Layout::NpyBits, Layout::NpyBytes] {
+        own_header(layout, data);
+    }
+});
+
+/// Whatever opens keeps its promise on length and can be read.
+fn hostile_header(data: &[u8]) {
+    // The input is the text of the header; a mutator would rarely hit its length.
+    let Some((&[kind, len], text)) = data.split_first_chunk() else {
+        return;
+    };
+    let (text, body) = text.split_at(usize::from(len).min(text.len()));
+    let mut bytes = b"\x93NUMPY".to_vec();
+    match kind % 3 {
+        0 => bytes.extend([1, 0, text.len() as u8, 0]),
+        1 => bytes.extend([2, 0, text.len() as u8, 0, 0, 0]),
+        _ => bytes = data.to_vec(),
+    }
+    bytes.extend(text);
+    let start = bytes.len();
+    bytes.extend(body);
+    for layout in [None, Some(Layout::NpyBits), Some(Layout::NpyBytes)] {
+        match Reader::from_bytes("fuzz", bytes.clone(), layout, None) {
+            Ok(reader) => {
+                let frame = reader.layout().frame_bytes(reader.geometry()).unwrap();
+                assert!(reader.readouts() > 0);
+                if kind % 3 < 2 {
+                    assert_eq!(reader.readouts() * frame, bytes.len() - start);
+                }
+                let mut packed = vec![0; reader.geometry().frame_bytes()];
+                for t in 0..reader.readouts() {
+                    if let Err(error) = reader.read_frame(t, &mut packed) {
+                        check_error(&error);
+                    }
+                }
+            }
+            Err(error) => check_error(&error),
+        }
+    }
+}
+
+/// Behind a header of our own, data opens if and only if its length fits, and reads
+/// if and only if its bytes are bits.
+fn own_header(layout: Layout, data: &[u8]) {
+    let Some((g, body)) = geometry(data) else {
+        return;
+    };
+    let frame = layout.frame_bytes(g).unwrap();
+    let readouts = body.len() / frame;
+    // Half of the inputs keep what lies behind the last whole frame.
+    let ragged = data[0] >= 128;
+    let body = if ragged {
+        body
+    } else {
+        &body[..readouts * frame]
+    };
+    // Bits where bytes are wanted, most of the time.
+    let fold = layout == Layout::NpyBytes && data[1] < 192;
+    let body: Vec<u8> = body.iter().map(|b| if fold { b & 1 } else { *b }).collect();
+    let mut bytes = layout.header(g, readouts as u64).unwrap();
+    bytes.extend(&body);
+    let opened = Reader::from_bytes("fuzz", bytes, Some(layout), Some(g));
+    let fits = readouts > 0 && body.len() == readouts * frame;
+    assert_eq!(opened.is_ok(), fits);
+    let reader = match opened {
+        Ok(reader) => reader,
+        Err(error) => return check_error(&error),
+    };
+    assert_eq!(reader.readouts(), readouts);
+    if layout == Layout::NpyBytes {
+        let mut packed = vec![0; readouts * g.frame_bytes()];
+        let read = reader.read_frames(0, &mut packed);
+        assert_eq!(read.is_ok(), body.iter().all(|&b| b <= 1));
+        if let Err(error) = read {
+            return check_error(&error);
+        }
+        check_pixels(&reader, |t, row, col| {
+            body[t * frame + row * g.width() + col] == 1
+        });
+        check_encoding(&reader, layout, &body, |_| 0xff);
+    } else {
+        let row_bytes = g.width().div_ceil(8);
+        check_pixels(&reader, |t, row, col| {
+            bit(&body[t * frame + row * row_bytes..], col)
+        });
+        let rest = g.width() % 8;
+        check_encoding(&reader, layout, &body, |i| {
+            if (i + 1) % row_bytes == 0 && rest > 0 {
+                (1 << rest) - 1
+            } else {
+                0xff
+            }
+        });
+    }
+}

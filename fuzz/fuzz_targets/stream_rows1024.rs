@@ -1,0 +1,89 @@
+//! `rows1024`: streams cut and damaged anywhere. The input says where a recording starts
+//! and ends, paints its pixels, and overwrites bytes. The oracle reads tags as SpikeCV's
+//! parser does, and looks at every place a frame could begin.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use spikelane::Geometry;
+use spikelane::formats::{Layout, Reader};
+use spikelane::spikes::bit;
+use spikelane_fuzz::check_error;
+
+const FRAME: usize = 128_000;
+
+fn line_and_channel(half: &[u8]) -> (u16, u16) {
+    let last = u16::from(half[63]) << 8 | u16::from(half[62]);
+    ((last & 0x3ff0) >> 4, (last & 0xc000) >> 14)
+}
+
+fn is_frame(bytes: &[u8]) -> bool {
+    let mut tags = bytes.chunks(64).map(line_and_channel);
+    line_and_channel(&bytes[..64]) == (500, 0)
+        && line_and_channel(&bytes[FRAME - 64..]) == (500, 3)
+        && tags.all(|(line, _)| (1..501).contains(&line))
+}
+
+fn recording(data: &[u8]) -> Option<Vec<u8>> {
+    let (&[a, b, c, d, edits], rest) = data.split_first_chunk()?;
+    let (edits, pattern) = rest.split_at_checked(usize::from(edits % 4) * 4)?;
+    let g = Geometry::new(1000, 1000).ok()?;
+    let packed: Vec<u8> = pattern
+        .iter()
+        .copied()
+        .chain([0])
+        .cycle()
+        .take(125_000)
+        .collect();
+    let mut frame = vec![0; FRAME];
+    Layout::Rows1024.encode_frame(g, &packed, &mut frame).ok()?;
+    let mut bytes = frame.repeat(2);
+    for edit in edits.chunks_exact(4) {
+        let at = usize::from(edit[0]) << 10 | usize::from(edit[1]) << 2 | usize::from(edit[2] & 3);
+        bytes[at % (2 * FRAME)] = edit[3];
+    }
+    bytes.truncate(2 * FRAME - usize::from(u16::from_le_bytes([c, d])));
+    // A step of 8: half of the starts lie where no frame can be found.
+    bytes.drain(..usize::from(u16::from_le_bytes([a, b])) * 2 / 8 * 8);
+    Some(bytes)
+}
+
+fuzz_target!(|data: &[u8]| {
+    let Some(bytes) = recording(data) else {
+        return;
+    };
+    let first = (0..bytes.len().saturating_sub(FRAME - 1))
+        .step_by(16)
+        .find(|&at| is_frame(&bytes[at..at + FRAME]));
+    let opened = Reader::from_bytes("fuzz", bytes.clone(), Some(Layout::Rows1024), None);
+    let reader = match opened {
+        Ok(reader) => reader,
+        Err(error) => {
+            assert_eq!(first, None);
+            return check_error(&error);
+        }
+    };
+    let start = first.expect("a frame, since the reader found one");
+    let readouts = (bytes.len() - start) / FRAME;
+    assert_eq!(reader.readouts(), readouts);
+    let rest = bytes.len() - start - readouts * FRAME;
+    assert_eq!(reader.dropped_bytes(), (start, rest));
+    let mut packed = vec![0; 125_000];
+    for (t, file) in bytes[start..].chunks_exact(FRAME).enumerate() {
+        let whole =
+            line_and_channel(file) == (500, 0) && line_and_channel(&file[FRAME - 64..]) == (500, 3);
+        match reader.read_frame(t, &mut packed) {
+            Ok(()) => assert!(whole),
+            Err(error) => {
+                assert!(!whole);
+                check_error(&error);
+                continue;
+            }
+        }
+        // A stride that meets every column and row; all pixels would take the time of forty runs.
+        for p in (t..1_000_000).step_by(41) {
+            let (row, col) = (p / 1000, p % 1000);
+            let tag = if col < 500 { 0 } else { 12 };
+            assert_eq!(bit(&packed, p), bit(file, row * 1024 + col + tag));
+        }
+    }
+});

@@ -1,0 +1,59 @@
+//! What the targets of the stream formats share: slow, obvious oracles.
+
+use spikelane::formats::{Layout, Reader};
+use spikelane::spikes::bit;
+use spikelane::{Geometry, Kind};
+
+/// Splits off a small geometry, so that frames of many shapes fit a few bytes.
+pub fn geometry(data: &[u8]) -> Option<(Geometry, &[u8])> {
+    let (&[w, h], rest) = data.split_first_chunk()?;
+    let geometry = Geometry::new(u32::from(w % 80) + 1, u32::from(h % 16) + 1).ok()?;
+    Some((geometry, rest))
+}
+
+/// Every error must be one of those that bytes can cause, and say something.
+pub fn check_error(error: &spikelane::Error) {
+    assert!(
+        matches!(error.kind(), Kind::Input | Kind::Usage),
+        "{:?}: {error}",
+        error.kind()
+    );
+    assert!(error.to_string().len() > 10);
+}
+
+/// Decodes every frame and compares each pixel with `pixel(readout, row, col)`, each
+/// padding bit with zero, and the frames read together with those read alone.
+pub fn check_pixels(reader: &Reader, pixel: impl Fn(usize, usize, usize) -> bool) {
+    let g = reader.geometry();
+    let size = g.frame_bytes();
+    let mut all = vec![0xa5; reader.readouts() * size];
+    reader.read_frames(0, &mut all).unwrap();
+    let mut frame = vec![0x5a; size];
+    for (t, together) in all.chunks_exact(size).enumerate() {
+        reader.read_frame(t, &mut frame).unwrap();
+        assert_eq!(frame, together);
+        for p in 0..size * 8 {
+            let expected = p < g.pixels() && pixel(t, p / g.width(), p % g.width());
+            assert_eq!(bit(&frame, p), expected, "readout {t}, pixel {p} of {g}");
+        }
+    }
+}
+
+/// What decodes must encode to bytes that decode to the same again, and, where `same`
+/// tells that a byte of the file is all pixels, to that byte.
+pub fn check_encoding(reader: &Reader, layout: Layout, file: &[u8], mask: impl Fn(usize) -> u8) {
+    let g = reader.geometry();
+    let frame_bytes = layout.frame_bytes(g).unwrap();
+    let mut packed = vec![0; g.frame_bytes()];
+    let mut again = vec![0xa5; frame_bytes];
+    let mut back = vec![0x5a; g.frame_bytes()];
+    for (t, original) in file.chunks_exact(frame_bytes).enumerate() {
+        reader.read_frame(t, &mut packed).unwrap();
+        layout.encode_frame(g, &packed, &mut again).unwrap();
+        for (i, (a, b)) in again.iter().zip(original).enumerate() {
+            assert_eq!(a & mask(i), b & mask(i), "byte {i} of readout {t}");
+        }
+        layout.decode_frame(g, &again, &mut back).unwrap();
+        assert_eq!(packed, back);
+    }
+}

@@ -1,0 +1,108 @@
+//! From one file into another: layout, range of readouts, crop.
+
+use std::ops::Range;
+
+use crate::error::{Error, Kind, Result};
+use crate::formats::bits::copy_bits;
+use crate::formats::{Finished, Reader, StreamWriter};
+use crate::spikes::Geometry;
+
+/// Bytes of packed frames in hand at a time.
+const BATCH: usize = 4 << 20;
+
+/// A rectangle of pixels, `x` from the left and `y` from the top.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crop {
+    /// First column.
+    pub x: usize,
+    /// First row.
+    pub y: usize,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+impl Crop {
+    /// The geometry of the cropped stream.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] when the rectangle is empty or leaves the frame.
+    pub fn geometry(&self, of: Geometry) -> Result<Geometry> {
+        let inside = |start: usize, len, whole| {
+            len > 0 && start.checked_add(len).is_some_and(|end| end <= whole)
+        };
+        let side = |n| u32::try_from(n).unwrap_or(u32::MAX);
+        if inside(self.x, self.width, of.width()) && inside(self.y, self.height, of.height()) {
+            return Geometry::new(side(self.width), side(self.height));
+        }
+        Err(Error::new(Kind::Usage, "crop")
+            .found(format_args!(
+                "{}x{} at x {}, y {}",
+                self.width, self.height, self.x, self.y
+            ))
+            .expected(format_args!("a rectangle of pixels within {of}")))
+    }
+
+    /// Cuts the rectangle out of one packed frame of geometry `of`.
+    fn cut(&self, of: Geometry, from: &[u8], to: &mut [u8]) {
+        to.fill(0);
+        for row in 0..self.height {
+            let start = (self.y + row) * of.width() + self.x;
+            copy_bits(to, row * self.width, from, start, self.width);
+        }
+    }
+}
+
+/// Writes `readouts` of `reader`, cropped, into `writer` and finishes it, in constant
+/// memory. After each batch `progress` hears how many readouts are done; its error stops
+/// the conversion, and nothing is left behind.
+///
+/// # Errors
+/// [`Kind::Usage`] when the writer was made for another geometry or number of readouts, or
+/// the range or the crop leave the stream; otherwise those of reader, writer and `progress`.
+pub fn convert(
+    reader: &Reader,
+    readouts: Range<usize>,
+    crop: Option<Crop>,
+    mut writer: StreamWriter,
+    mut progress: impl FnMut(u64) -> Result<()>,
+) -> Result<Finished> {
+    let from = reader.geometry();
+    let to = crop.map_or(Ok(from), |c| c.geometry(from))?;
+    // Also refuses a range beyond the end before anything is read.
+    reader.frames(readouts.clone())?;
+    if writer.geometry() != to || writer.readouts() != readouts.len() as u64 {
+        return Err(Error::new(Kind::Usage, "output stream")
+            .found(format_args!(
+                "{} readouts of {}",
+                writer.readouts(),
+                writer.geometry()
+            ))
+            .expected(format_args!("{} readouts of {to}", readouts.len())));
+    }
+    let (size, cut_size) = (from.frame_bytes(), to.frame_bytes());
+    let step = (BATCH / size).max(1).min(readouts.len().max(1));
+    let mut packed = vec![0; step * size];
+    let mut cut = crop.map(|_| vec![0; step * cut_size]).unwrap_or_default();
+    for first in readouts.clone().step_by(step) {
+        let frames = step.min(readouts.end - first);
+        let packed = &mut packed[..frames * size];
+        reader.read_frames(first, packed)?;
+        reader.release(first..first + frames);
+        let out = match crop {
+            None => &*packed,
+            Some(crop) => {
+                let cut = &mut cut[..frames * cut_size];
+                let pairs = packed
+                    .chunks_exact(size)
+                    .zip(cut.chunks_exact_mut(cut_size));
+                pairs.for_each(|(a, b)| crop.cut(from, a, b));
+                &*cut
+            }
+        };
+        writer.write_frames(writer.written(), out)?;
+        progress(writer.written())?;
+    }
+    writer.finish()
+}

@@ -1,0 +1,111 @@
+//! The rows of the 1000x1000 camera: 128 bytes, two halves of 500 pixel bits and a tag.
+//!
+//! The last two bytes of a half row, little-endian, are `channel << 14 | line << 4 | pixels`:
+//! the low four bits are the last pixels of the half, the other twelve the tag. Top row first.
+//! A frame begins with the half row tagged (line 500, channel 0) and ends with (500, 3);
+//! lines run from 1 to 500 (SpikeCV, `sps_parser.py`). The order of the tags between is
+//! published nowhere; the writer counts lines down to 1 in channels 0 and 1 and up again in
+//! 2 and 3, the simplest order that meets both ends and uses each tag once. Readers,
+//! SpikeCV's and this one, do not depend on it.
+
+use crate::formats::bits::copy_bits;
+
+/// Rows of a frame, and pixels of a row.
+const SIDE: usize = 1000;
+/// Pixels of a half row.
+const HALF_PIXELS: usize = SIDE / 2;
+/// Bytes of a half row in the file.
+const HALF: usize = 64;
+/// Bytes of a row of pixels in memory.
+const ROW: usize = SIDE / 8;
+/// Bytes of a frame in the file.
+pub(super) const FRAME: usize = SIDE * 2 * HALF;
+
+/// Where a frame can begin: the camera's link moves 16 bytes at a time, and SpikeCV
+/// looks for the first tag in such steps.
+const STEP: usize = 16;
+
+/// How far into a file the first whole frame is looked for. A recording loses less than
+/// one frame at its start; a second one allows for a damaged one.
+const SEARCH: usize = 2 * FRAME;
+
+/// The tag of a half row: (line, channel).
+fn tag(half: &[u8]) -> (u16, u16) {
+    let word = u16::from_le_bytes([half[HALF - 2], half[HALF - 1]]);
+    (word >> 4 & 0x3ff, word >> 14)
+}
+
+/// The tag this project writes for a half row.
+fn tag_of(row: usize, half: usize) -> u16 {
+    let (line, channel) = if row < SIDE / 2 {
+        (SIDE / 2 - row, half)
+    } else {
+        (row + 1 - SIDE / 2, half + 2)
+    };
+    (channel << 14 | line << 4) as u16
+}
+
+/// Whether a frame's worth of bytes begins and ends as a frame does.
+pub(super) fn is_framed(file: &[u8]) -> bool {
+    tag(&file[..HALF]) == (500, 0) && tag(&file[FRAME - HALF..]) == (500, 3)
+}
+
+/// Whether all tags are possible. Pixels look like the first tag once in 4,096 places,
+/// so finding that one alone would lock onto pictures.
+fn is_frame(file: &[u8]) -> bool {
+    is_framed(file)
+        && file
+            .chunks_exact(HALF)
+            .all(|h| (1..=500).contains(&tag(h).0))
+}
+
+/// The offset of the first whole frame.
+pub(super) fn synchronise(bytes: &[u8]) -> Option<usize> {
+    let last = bytes.len().checked_sub(FRAME)?.min(SEARCH);
+    (0..=last)
+        .step_by(STEP)
+        .find(|&at| is_frame(&bytes[at..at + FRAME]))
+}
+
+pub(super) fn encode(packed: &[u8], file: &mut [u8]) {
+    let rows = packed
+        .chunks_exact(ROW)
+        .zip(file.chunks_exact_mut(2 * HALF));
+    for (row, (pixels, out)) in rows.enumerate() {
+        for (half, out) in out.chunks_exact_mut(HALF).enumerate() {
+            copy_bits(out, 0, pixels, half * HALF_PIXELS, HALF_PIXELS);
+            let [low, high] = tag_of(row, half).to_le_bytes();
+            out[HALF - 2] = out[HALF - 2] & 0x0f | low;
+            out[HALF - 1] = high;
+        }
+    }
+}
+
+pub(super) fn decode(file: &[u8], packed: &mut [u8]) {
+    let rows = file
+        .chunks_exact(2 * HALF)
+        .zip(packed.chunks_exact_mut(ROW));
+    for (row, pixels) in rows {
+        copy_bits(pixels, 0, row, 0, HALF_PIXELS);
+        copy_bits(pixels, HALF_PIXELS, row, HALF * 8, HALF_PIXELS);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_tag_is_written_once_and_the_ends_are_the_cameras() {
+        let mut tags: Vec<u16> = (0..SIDE)
+            .flat_map(|row| [tag_of(row, 0), tag_of(row, 1)])
+            .collect();
+        assert_eq!(
+            (tags[0], tags[2 * SIDE - 1]),
+            (500 << 4, 3 << 14 | 500 << 4)
+        );
+        tags.sort_unstable();
+        tags.dedup();
+        assert_eq!(tags.len(), 2 * SIDE);
+    }
+}

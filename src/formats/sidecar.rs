@@ -1,0 +1,124 @@
+//! The few facts a reader needs from the JSON file beside a stream.
+
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use crate::error::{Error, Kind, Result};
+use crate::formats::Layout;
+use crate::spikes::Geometry;
+
+/// A sidecar holds a camera description, a page or two; maps lie in files of their own.
+const MAX_BYTES: u64 = 16 << 20;
+
+/// What a sidecar says of a stream; keys it lacks are `None`, others are left alone.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Facts {
+    pub(super) geometry: Option<Geometry>,
+    pub(super) layout: Option<Layout>,
+    pub(super) readouts: Option<u64>,
+}
+
+#[derive(Deserialize)]
+struct Keys {
+    width: Option<u32>,
+    height: Option<u32>,
+    layout: Option<String>,
+    readouts: Option<u64>,
+}
+
+/// The facts of the sidecar beside `path`, all `None` when there is no sidecar.
+pub(super) fn beside(path: &Path) -> Result<Facts> {
+    for candidate in candidates(path) {
+        match std::fs::metadata(&candidate) {
+            Ok(found) if found.is_file() => return read(&candidate, found.len()),
+            _ => {}
+        }
+    }
+    Ok(Facts::default())
+}
+
+/// `STEM.json`; the clean twin `STEM.clean.dat` shares it with `STEM.dat`.
+fn candidates(path: &Path) -> Vec<PathBuf> {
+    let mut found = vec![path.with_extension("json")];
+    let stem = path
+        .file_stem()
+        .and_then(|s| s.to_str())
+        .unwrap_or_default();
+    if let Some(stem) = stem.strip_suffix(".clean") {
+        found.push(path.with_file_name(format!("{stem}.json")));
+    }
+    found
+}
+
+fn read(path: &Path, bytes: u64) -> Result<Facts> {
+    if bytes > MAX_BYTES {
+        return Err(Error::new(Kind::Config, path.display())
+            .found(format_args!("{bytes} bytes"))
+            .expected("a sidecar, at most 16 MiB of JSON")
+            .remedy("give width, height and layout, and it is not read"));
+    }
+    let text = std::fs::read(path).map_err(|e| Error::io(path.display(), e))?;
+    parse(&path.display().to_string(), &text)
+}
+
+fn parse(name: &str, text: &[u8]) -> Result<Facts> {
+    let bad = |found: String| {
+        Error::new(Kind::Config, name)
+            .found(found)
+            .expected("a JSON object with width, height, layout, readouts")
+            .remedy("give width, height and layout, and it is not read")
+    };
+    let keys: Keys = serde_json::from_slice(text).map_err(|e| bad(e.to_string()))?;
+    let geometry = match (keys.width, keys.height) {
+        (Some(w), Some(h)) => {
+            Some(Geometry::new(w, h).map_err(|_| bad(format!("a camera of {w}x{h} pixels")))?)
+        }
+        (None, None) => None,
+        _ => return Err(bad("only one of width and height".into())),
+    };
+    let layout = match keys.layout {
+        Some(name) => Some(Layout::parse(&name).map_err(|_| bad(format!("layout '{name}'")))?),
+        None => None,
+    };
+    Ok(Facts {
+        geometry,
+        layout,
+        readouts: keys.readouts,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unknown_keys_are_left_alone_and_wrong_ones_refused() {
+        let facts = parse(
+            "s",
+            br#"{"width":8,"height":2,"layout":"dat-top","x":[{}]}"#,
+        )
+        .unwrap();
+        assert_eq!(facts.geometry, Geometry::new(8, 2).ok());
+        assert_eq!(facts.layout, Some(Layout::DatTop));
+        assert_eq!(facts.readouts, None);
+        for wrong in [
+            &br#"{"width":"8","height":2}"#[..],
+            br#"{"width":8}"#,
+            br#"{"width":0,"height":2}"#,
+            br#"{"layout":"avi"}"#,
+            br#"{"readouts":-1}"#,
+            b"{",
+            b"",
+        ] {
+            assert_eq!(parse("s", wrong).unwrap_err().kind(), Kind::Config);
+        }
+    }
+
+    #[test]
+    fn the_clean_twin_shares_the_sidecar() {
+        let found = candidates(Path::new("a/run.clean.dat"));
+        assert_eq!(found[0], Path::new("a/run.clean.json"));
+        assert_eq!(found[1], Path::new("a/run.json"));
+    }
+}

@@ -1,0 +1,54 @@
+//! The digest by which a file's bytes are known.
+
+use std::path::Path;
+
+use crate::error::Result;
+use crate::storage::Map;
+
+/// Bytes hashed between two releases of mapped pages.
+const STEP: usize = 16 << 20;
+
+/// An incremental BLAKE3 digest, written as `blake3:` and 64 hex digits.
+#[derive(Clone, Debug, Default)]
+pub struct Digest(blake3::Hasher);
+
+impl Digest {
+    /// The digest of nothing yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Appends bytes. Pieces of 16 KiB or more keep the lanes of BLAKE3 busy.
+    pub fn update(&mut self, bytes: &[u8]) {
+        self.0.update(bytes);
+    }
+
+    /// The digest of all bytes so far, as `blake3:<hex>`.
+    #[must_use]
+    pub fn text(&self) -> String {
+        format!("blake3:{}", self.0.finalize().to_hex())
+    }
+
+    /// The digest of `bytes`, as `blake3:<hex>`.
+    #[must_use]
+    pub fn of(bytes: &[u8]) -> String {
+        let mut digest = Self::new();
+        digest.update(bytes);
+        digest.text()
+    }
+
+    /// The digest of a file, in constant memory.
+    ///
+    /// # Errors
+    /// When the file cannot be mapped.
+    pub fn of_file(path: &Path) -> Result<String> {
+        let map = Map::open(path)?;
+        let mut digest = Self::new();
+        for (i, piece) in map.chunks(STEP).enumerate() {
+            digest.update(piece);
+            map.release(i * STEP..i * STEP + piece.len());
+        }
+        Ok(digest.text())
+    }
+}

@@ -1,0 +1,37 @@
+//! Bytes at rest: files that appear whole or not at all.
+//!
+//! A file is written under a hidden name beside its final one, its blocks
+//! reserved before the first byte, synced, and only then renamed; whatever
+//! interrupts that leaves the user's files as they were. Large files are
+//! mapped a window at a time, so that memory does not grow with their length.
+
+mod digest;
+mod map;
+mod partial;
+mod writer;
+
+pub use digest::Digest;
+pub use map::Map;
+pub use writer::{Finished, Writer};
+
+use std::io::Write as _;
+use std::path::Path;
+
+use crate::error::{Error, Result};
+
+/// Writes a small file (a sidecar, a picture) in one piece.
+///
+/// Readers see the old file or the whole new one, never a part.
+///
+/// # Errors
+/// [`Kind::Exists`](crate::Kind::Exists) when `path` exists and `force` is
+/// false, [`Kind::Space`](crate::Kind::Space) when the disk is full, and what
+/// the operating system refuses.
+pub fn write_small(path: &Path, bytes: &[u8], force: bool) -> Result<()> {
+    let partial = partial::Partial::create(path, force)?;
+    partial
+        .file()
+        .write_all(bytes)
+        .map_err(|e| Error::io(path.display(), e))?;
+    partial.commit().map(drop)
+}

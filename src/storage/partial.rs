@@ -1,0 +1,190 @@
+//! A file under construction, and the moment it takes its name.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use crate::error::{Error, Kind, Result};
+
+/// Tells apart the partial files of one process.
+static NEXT: AtomicU64 = AtomicU64::new(0);
+
+/// A hidden file beside its final path; dropping it removes it.
+#[derive(Debug)]
+pub(super) struct Partial {
+    file: File,
+    hidden: PathBuf,
+    path: PathBuf,
+    force: bool,
+    committed: bool,
+}
+
+impl Partial {
+    /// Creates `.NAME.PID-N.partial` beside `path`.
+    pub(super) fn create(path: &Path, force: bool) -> Result<Self> {
+        refuse_existing(path, force)?;
+        let name = path.file_name().ok_or_else(|| {
+            Error::new(Kind::Usage, path.display())
+                .found("no file name")
+                .expected("the path of a file")
+        })?;
+        loop {
+            let n = NEXT.fetch_add(1, Ordering::Relaxed);
+            let mut hidden_name = std::ffi::OsString::from(".");
+            hidden_name.push(name);
+            hidden_name.push(format!(".{}-{n}.partial", std::process::id()));
+            let hidden = path.with_file_name(hidden_name);
+            let created = OpenOptions::new()
+                .read(true)
+                .write(true)
+                .create_new(true)
+                .open(&hidden);
+            match created {
+                Ok(file) => {
+                    return Ok(Self {
+                        file,
+                        hidden,
+                        path: path.to_path_buf(),
+                        force,
+                        committed: false,
+                    });
+                }
+                // Left by an earlier process of the same id: not ours to remove.
+                Err(e) if e.kind() == ErrorKind::AlreadyExists => {}
+                Err(e) => {
+                    return Err(Error::io(path.display(), e)
+                        .expected("a directory that exists and can be written to"));
+                }
+            }
+        }
+    }
+
+    pub(super) fn file(&self) -> &File {
+        &self.file
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Syncs the bytes, gives the file its name, and syncs the directory;
+    /// returns the time all this took.
+    pub(super) fn commit(mut self) -> Result<Duration> {
+        let start = Instant::now();
+        let io = |e| Error::io(self.path.display(), e);
+        self.file.sync_all().map_err(io)?;
+        if self.force {
+            fs::rename(&self.hidden, &self.path).map_err(io)?;
+        } else {
+            rename_new(&self.hidden, &self.path)?;
+        }
+        self.committed = true;
+        sync_directory(&self.path).map_err(|e| Error::io(self.path.display(), e))?;
+        Ok(start.elapsed())
+    }
+}
+
+impl Drop for Partial {
+    fn drop(&mut self) {
+        if !self.committed {
+            // Nobody is left to hear of a failure here.
+            let _ = fs::remove_file(&self.hidden);
+        }
+    }
+}
+
+/// The directory that holds `path`.
+pub(super) fn directory(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
+fn exists(path: &Path) -> Error {
+    Error::new(Kind::Exists, path.display())
+        .found("a file of that name")
+        .expected("a free name")
+        .remedy("choose another output, or allow overwriting (--force)")
+}
+
+fn refuse_existing(path: &Path, force: bool) -> Result<()> {
+    // Not `Path::exists`: a dangling link is somebody's too.
+    match fs::symlink_metadata(path) {
+        Ok(found) if found.is_dir() => Err(Error::new(Kind::Exists, path.display())
+            .found("a directory")
+            .expected("a free name")
+            .remedy("choose another output")),
+        Ok(_) if !force => Err(exists(path)),
+        _ => Ok(()),
+    }
+}
+
+/// Renames without ever replacing: a file that appeared under the final name
+/// since the start stays, and the new one is given up.
+fn rename_new(hidden: &Path, path: &Path) -> Result<()> {
+    match rename_no_replace(hidden, path) {
+        Ok(()) => Ok(()),
+        Err(e) if e.kind() == ErrorKind::AlreadyExists => Err(exists(path)),
+        // File systems without that rename (NFS, some FUSE) have links, which
+        // do not replace either.
+        Err(e) if matches!(e.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => {
+            link_then_unlink(hidden, path)
+        }
+        Err(e) => Err(Error::io(path.display(), e)),
+    }
+}
+
+#[cfg(any(target_os = "linux", target_vendor = "apple"))]
+fn rename_no_replace(hidden: &Path, path: &Path) -> std::io::Result<()> {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    Ok(renameat_with(
+        CWD,
+        hidden,
+        CWD,
+        path,
+        RenameFlags::NOREPLACE,
+    )?)
+}
+
+#[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
+fn rename_no_replace(_: &Path, _: &Path) -> std::io::Result<()> {
+    Err(ErrorKind::Unsupported.into())
+}
+
+fn link_then_unlink(hidden: &Path, path: &Path) -> Result<()> {
+    match fs::hard_link(hidden, path) {
+        Ok(()) => fs::remove_file(hidden).map_err(|e| Error::io(hidden.display(), e)),
+        Err(e) if e.kind() == ErrorKind::AlreadyExists => Err(exists(path)),
+        Err(e) => Err(Error::io(path.display(), e)
+            .remedy("this file system can neither rename without replacing nor link; allow overwriting (--force)")),
+    }
+}
+
+fn sync_directory(path: &Path) -> std::io::Result<()> {
+    File::open(directory(path))?.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_link_fallback_never_replaces_a_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let (hidden, path) = (dir.path().join(".new"), dir.path().join("old"));
+        fs::write(&hidden, "new").unwrap();
+        fs::write(&path, "old").unwrap();
+        assert_eq!(
+            link_then_unlink(&hidden, &path).unwrap_err().kind(),
+            Kind::Exists
+        );
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        fs::remove_file(&path).unwrap();
+        link_then_unlink(&hidden, &path).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert!(!hidden.exists());
+    }
+}
