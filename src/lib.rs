@@ -1,6 +1,8 @@
 //! Spike-camera simulation: light in, bit-packed spike streams out.
 
 pub mod error;
+pub mod light;
+pub mod reconstruct;
 pub mod spikes;
 
 pub use error::{Error, Kind, Result};
