@@ -30,6 +30,8 @@ mod timeline;
 mod transfer;
 #[cfg(feature = "files")]
 pub mod y4m;
+#[cfg(feature = "files")]
+mod yuv;
 
 pub use chart::Chart;
 #[cfg(feature = "files")]

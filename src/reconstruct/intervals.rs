@@ -61,7 +61,7 @@ fn distances(
     let bytes = packed.geometry().frame_bytes();
     let mut found = vec![None; bytes * 8];
     let mut waiting = vec![0xff_u8; bytes];
-    if packed.geometry().pixels() % 8 != 0 {
+    if !packed.geometry().pixels().is_multiple_of(8) {
         // Padding never fires, and would keep the search going.
         waiting[bytes - 1] = (1 << (packed.geometry().pixels() % 8)) - 1;
     }
