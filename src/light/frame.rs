@@ -3,6 +3,8 @@
 use crate::error::{Error, Kind, Result};
 use crate::light::Rate;
 use crate::spikes::Geometry;
+#[cfg(feature = "files")]
+use crate::spikes::MAX_PIXELS;
 
 /// Linear light of the pixels of a frame, row-major, top row first.
 ///
@@ -163,6 +165,17 @@ impl Frame {
             Samples::F32(_) => None,
         }
     }
+}
+
+/// The size that a file claims for its pictures; an impossible one is the file's mistake.
+#[cfg(feature = "files")]
+pub(super) fn stored_size(width: u64, height: u64, name: &str) -> Result<Geometry> {
+    let side = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
+    Geometry::new(side(width), side(height)).map_err(|_| {
+        Error::new(Kind::Input, name)
+            .found(format_args!("pictures of {width}x{height}"))
+            .expected(format_args!("1 to {MAX_PIXELS} pixels"))
+    })
 }
 
 fn zip<T: Copy>(a: &[T], b: &[T], f: impl Fn(T, T) -> T) -> Vec<T> {

@@ -36,6 +36,8 @@ mod yuv;
 pub use chart::Chart;
 #[cfg(feature = "files")]
 pub use fit::Fit;
+#[cfg(feature = "files")]
+use frame::stored_size;
 pub use frame::{Frame, Samples, Source};
 #[cfg(feature = "files")]
 pub use motion::Motion;

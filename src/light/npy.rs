@@ -11,7 +11,7 @@ use std::path::Path;
 use npyz::{DType, Endianness, NpyHeader, Order, TypeChar};
 
 use crate::error::{Error, Kind, Result};
-use crate::light::{Curve, Fit, Frame, Rate, Samples, Source, Transfer};
+use crate::light::{Curve, Fit, Frame, Rate, Samples, Source, Transfer, stored_size};
 use crate::spikes::Geometry;
 
 /// The first bytes of every file.
@@ -236,9 +236,7 @@ fn shape(shape: &[u64], name: &str) -> Result<(u64, Geometry)> {
             .found(format_args!("shape {shape:?}"))
             .expected("at least one frame"));
     }
-    let side = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
-    let geometry = Geometry::new(side(cols), side(rows)).map_err(|e| e.within(name))?;
-    Ok((frames, geometry))
+    Ok((frames, stored_size(cols, rows, name)?))
 }
 
 fn element(dtype: &DType, name: &str) -> Result<(Element, bool)> {

@@ -10,7 +10,7 @@ use std::path::Path;
 use image::{DynamicImage, ImageError, ImageReader};
 
 use crate::error::{Error, Kind, Result};
-use crate::light::{Curve, Frame, Samples, Transfer, luminance};
+use crate::light::{Curve, Frame, Samples, Transfer, luminance, stored_size};
 use crate::spikes::Geometry;
 
 /// File name endings that are taken for images.
@@ -56,7 +56,8 @@ pub fn size(path: &Path) -> Result<Geometry> {
     let (width, height) = reader(path)?
         .into_dimensions()
         .map_err(|e| undecodable(path, e))?;
-    Geometry::new(width, height).map_err(|e| e.within(path.display()))
+    let name = path.display().to_string();
+    stored_size(width.into(), height.into(), &name)
 }
 
 /// Decodes and linearises an image file. The content decides the format, not the name.
@@ -97,7 +98,7 @@ fn undecodable(path: &Path, error: ImageError) -> Error {
 /// # Errors
 /// [`Kind::Input`] for light that is negative or not finite, and for pixel types that are not known here.
 pub fn linearise(image: DynamicImage, linear: &Linear) -> Result<Frame> {
-    let geometry = Geometry::new(image.width(), image.height())?;
+    let geometry = stored_size(image.width().into(), image.height().into(), "image")?;
     let plain = linear.integers.transfer() == Transfer::Linear;
     let samples = match image {
         DynamicImage::ImageLuma8(i) => grey8(i.into_raw(), linear, plain),

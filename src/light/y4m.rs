@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::error::{Error, Kind, Result};
 use crate::light::picture::Linear;
 use crate::light::yuv::{Layout, chroma};
-use crate::light::{Fit, Frame, Rate, Samples, Source, Transfer};
+use crate::light::{Fit, Frame, Rate, Samples, Source, Transfer, stored_size};
 
 use crate::spikes::Geometry;
 use ::y4m::Decoder;
@@ -78,8 +78,7 @@ impl<R: Read> Reader<R> {
         };
         let decoder = Decoder::new(input).map_err(|e| damaged(name, &e))?;
         let (width, height) = (decoder.get_width(), decoder.get_height());
-        let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
-        let geometry = Geometry::new(side(width), side(height)).map_err(|e| e.within(name))?;
+        let geometry = stored_size(width as u64, height as u64, name)?;
         let chroma = chroma(decoder.get_colorspace());
         let layout = Layout {
             width,
@@ -210,8 +209,7 @@ fn check_header(header: &[u8], name: &str) -> Result<()> {
             _ => {}
         }
     }
-    Geometry::new(sides[0], sides[1]).map_err(|e| e.within(name))?;
-    Ok(())
+    stored_size(sides[0].into(), sides[1].into(), name).map(|_| ())
 }
 
 fn tokens(header: &[u8]) -> impl Iterator<Item = &[u8]> {
