@@ -22,7 +22,8 @@ fn srgb(code: f64) -> f64 {
 
 #[test]
 fn eight_bit_tables_are_within_half_a_code_of_the_formula() {
-    let exact: [(Transfer, fn(f64) -> f64); 3] = [
+    type Formula = fn(f64) -> f64;
+    let exact: [(Transfer, Formula); 3] = [
         (Transfer::Srgb, srgb),
         (Transfer::Linear, |x| x),
         (Transfer::Gamma(2.2), |x| x.powf(2.2)),

@@ -95,7 +95,8 @@ impl Layout {
                 let red = y + 2.0 * (1.0 - kr) * cr;
                 let blue = y + 2.0 * (1.0 - kb) * cb;
                 let green = (y - kr * red - kb * blue) / kg;
-                luminance([red, green, blue].map(linear))
+                // The weights add up to 1 only within rounding.
+                luminance([red, green, blue].map(linear)).min(1.0)
             })
         })
     }
