@@ -261,8 +261,8 @@ fn ranges_of_luma_are_as_declared() {
             "{got:?} {wanted:?}"
         );
     };
-    let codes = [0, 16, 126, 235, 255];
-    let full: Vec<f32> = codes.iter().map(|&c| f32::from(c as u8) / 255.0).collect();
+    let codes = [0_u8, 16, 126, 235, 255];
+    let full: Vec<f32> = codes.iter().map(|&c| f32::from(c) / 255.0).collect();
     let limited = [0.0, 0.0, 110.0 / 219.0, 1.0, 1.0];
     near(&light("W5 H1 F25:1 Cmono", &codes, (5, 1)), &full);
     near(
