@@ -41,10 +41,12 @@ pub mod error;
 #[cfg(feature = "files")]
 pub mod formats;
 pub mod kernels;
+pub mod light;
 pub mod pixel;
 pub mod plan;
 #[cfg(feature = "files")]
 pub mod presets;
+pub mod reconstruct;
 pub mod sensor;
 pub mod simulate;
 pub mod spikes;

@@ -1,0 +1,206 @@
+//! Any other video, through the user's own `ffmpeg`.
+//!
+//! ffmpeg decodes, converts to full-range BT.709 4:4:4 (so that the one thing y4m
+//! cannot say, the matrix, is known) and writes y4m into a pipe. Interlaced
+//! frames are deinterlaced; a variable frame rate becomes a constant one, with frames
+//! repeated or left out.
+
+use std::collections::VecDeque;
+use std::io::{BufRead, BufReader, ErrorKind, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::thread::JoinHandle;
+
+use crate::error::{Error, Kind, Result};
+use crate::light::y4m::{Matrix, Video};
+use crate::light::{Fit, Frame, Rate, Source, Transfer};
+use crate::spikes::Geometry;
+
+/// The last lines of ffmpeg's complaints that an error repeats.
+const LAST_LINES: usize = 4;
+
+/// A running ffmpeg; it ends when this is dropped.
+struct Process {
+    path: PathBuf,
+    child: Child,
+    complaints: Option<JoinHandle<VecDeque<String>>>,
+}
+
+impl Process {
+    fn start(path: &Path, program: &str) -> Result<Self> {
+        // The prefix keeps names with a colon, or a leading dash, from meaning something else.
+        let mut input = std::ffi::OsString::from("file:");
+        input.push(path);
+        let mut child = Command::new(program)
+            .args(["-nostdin", "-v", "error", "-i"])
+            .arg(input)
+            .args(["-map", "0:v:0", "-vf"])
+            .arg("yadif=deint=interlaced,scale=out_color_matrix=bt709:out_range=pc")
+            .args(["-pix_fmt", "yuv444p", "-f", "yuv4mpegpipe", "-"])
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .map_err(|e| missing(program, e))?;
+        let stderr = child.stderr.take();
+        // Read on a thread of its own: a full pipe of complaints would stop ffmpeg, and then us.
+        let complaints = std::thread::spawn(move || {
+            let mut last = VecDeque::new();
+            for line in stderr
+                .into_iter()
+                .flat_map(|s| BufReader::new(s).split(b'\n'))
+            {
+                let Ok(line) = line else { break };
+                if last.len() == LAST_LINES {
+                    last.pop_front();
+                }
+                last.push_back(String::from_utf8_lossy(&line).trim_end().to_owned());
+            }
+            last
+        });
+        Ok(Self {
+            path: path.to_owned(),
+            child,
+            complaints: Some(complaints),
+        })
+    }
+
+    /// Waits for the end and says whether it was a good one.
+    fn finish(&mut self) -> Result<()> {
+        let status = self
+            .child
+            .wait()
+            .map_err(|e| Error::io("waiting for ffmpeg", e))?;
+        let complaints = self.complaints.take().and_then(|c| c.join().ok());
+        if status.success() {
+            return Ok(());
+        }
+        let lines: Vec<_> = complaints.unwrap_or_default().into();
+        Err(Error::new(Kind::Tool, self.path.display())
+            .found(format_args!(
+                "ffmpeg ended with {status}: {}",
+                lines.join(" | ")
+            ))
+            .expected("a video that ffmpeg can decode")
+            .remedy("try to play it with ffplay"))
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may be over already, and there is nobody left to tell.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+        if let Some(complaints) = self.complaints.take() {
+            let _ = complaints.join();
+        }
+    }
+}
+
+fn missing(program: &str, error: std::io::Error) -> Error {
+    if error.kind() == ErrorKind::NotFound {
+        return Error::new(Kind::Tool, program)
+            .found("no such program")
+            .expected("ffmpeg, which decodes video")
+            .remedy("install it (apt install ffmpeg, brew install ffmpeg), or give a .y4m file or a folder of images");
+    }
+    Error::new(Kind::Tool, program)
+        .found(error)
+        .expected("ffmpeg, which decodes video")
+}
+
+/// A video that ffmpeg decodes, as frames at the camera's size.
+pub struct Decoded {
+    video: Video,
+    process: Process,
+    over: bool,
+}
+
+impl Decoded {
+    /// Starts ffmpeg on a file and reads the header of what it writes.
+    ///
+    /// # Errors
+    /// [`Kind::Io`] when the file cannot be read, [`Kind::Tool`] when ffmpeg is missing or cannot decode
+    /// it; otherwise as [`crate::light::y4m::Reader::new`].
+    pub fn open(
+        path: &Path,
+        camera: Geometry,
+        fit: Fit,
+        transfer: Option<Transfer>,
+    ) -> Result<Self> {
+        Self::open_with("ffmpeg", path, camera, fit, transfer)
+    }
+
+    /// As [`Decoded::open`], with the name or path of the program.
+    ///
+    /// # Errors
+    /// As [`Decoded::open`].
+    pub fn open_with(
+        program: &str,
+        path: &Path,
+        camera: Geometry,
+        fit: Fit,
+        transfer: Option<Transfer>,
+    ) -> Result<Self> {
+        std::fs::File::open(path).map_err(|e| Error::io(path.display(), e))?;
+        let mut process = Process::start(path, program)?;
+        let name = path.display().to_string();
+        let mut output = BufReader::new(
+            process
+                .child
+                .stdout
+                .take()
+                .ok_or_else(|| Error::new(Kind::Tool, program).found("no output pipe"))?,
+        );
+        // An ffmpeg that fails writes nothing at all, and its own words say more than ours.
+        if output
+            .fill_buf()
+            .map_err(|e| Error::io(&name, e))?
+            .is_empty()
+        {
+            process.finish()?;
+            return Err(Error::new(Kind::Tool, name)
+                .found("no picture from ffmpeg")
+                .expected("a file with a video stream"));
+        }
+        let output: Box<dyn Read + Send> = Box::new(output);
+        let video = Video::with_matrix(output, &name, camera, fit, transfer, Some(Matrix::Bt709))?;
+        Ok(Self {
+            video,
+            process,
+            over: false,
+        })
+    }
+}
+
+impl Source for Decoded {
+    fn geometry(&self) -> Geometry {
+        self.video.geometry()
+    }
+
+    fn frames(&self) -> Option<u64> {
+        None
+    }
+
+    fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
+        if self.over {
+            return Ok(false);
+        }
+        let next = self.video.next_frame(into);
+        if matches!(next, Ok(true)) {
+            return next;
+        }
+        self.over = true;
+        // Where both have something to say, ffmpeg knows why the frame was cut short.
+        self.process.finish()?;
+        next
+    }
+
+    fn rate(&self) -> Option<Rate> {
+        self.video.rate()
+    }
+
+    fn describe(&self) -> String {
+        format!("{}, decoded by ffmpeg", self.video.describe())
+    }
+}

@@ -1,0 +1,137 @@
+//! A folder of images, in the order of their numbers.
+
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Kind, Result};
+use crate::light::natural::natural_cmp;
+use crate::light::picture::{self, Linear};
+use crate::light::{Fit, Frame, Rate, Source, Transfer};
+use crate::spikes::Geometry;
+
+/// The images of one folder (not of folders inside it), one frame each.
+#[derive(Debug)]
+pub struct Folder {
+    folder: PathBuf,
+    files: Vec<PathBuf>,
+    ignored: usize,
+    size: Geometry,
+    camera: Geometry,
+    fit: Fit,
+    linear: Linear,
+    next: usize,
+}
+
+impl Folder {
+    /// Lists the folder and reads the header of every image in it.
+    ///
+    /// # Errors
+    /// [`Kind::Io`] when it cannot be listed; [`Kind::Input`] when there is no image, one cannot be
+    /// read, their sizes differ, or [`Fit::Crop`] finds them too small.
+    pub fn open(
+        folder: &Path,
+        camera: Geometry,
+        fit: Fit,
+        transfer: Option<Transfer>,
+    ) -> Result<Self> {
+        let (files, ignored) = list(folder)?;
+        let Some(first) = files.first() else {
+            return Err(Error::new(Kind::Input, folder.display())
+                .found(format_args!("no image among {ignored} entries"))
+                .expected(format_args!(
+                    "files named {}",
+                    picture::EXTENSIONS.join(", ")
+                )));
+        };
+        let size = picture::size(first)?;
+        for file in &files[1..] {
+            same_size(file, picture::size(file)?, first, size)?;
+        }
+        fit.check(size, camera)
+            .map_err(|e| e.within(folder.display()))?;
+        Ok(Self {
+            folder: folder.to_owned(),
+            files,
+            ignored,
+            size,
+            camera,
+            fit,
+            linear: Linear::new(transfer),
+            next: 0,
+        })
+    }
+
+    /// The image files in the order in which they are read.
+    #[must_use]
+    pub fn files(&self) -> &[PathBuf] {
+        &self.files
+    }
+}
+
+fn same_size(file: &Path, found: Geometry, first: &Path, size: Geometry) -> Result<()> {
+    if found == size {
+        return Ok(());
+    }
+    Err(Error::new(Kind::Input, file.display())
+        .found(found)
+        .expected(format_args!("{size} as {}", first.display()))
+        .remedy("give the images one size, or put them into folders of their own"))
+}
+
+/// The images in natural order, and how many other entries there are.
+fn list(folder: &Path) -> Result<(Vec<PathBuf>, usize)> {
+    let refused = |e| Error::io(folder.display(), e);
+    let (mut files, mut ignored) = (Vec::new(), 0);
+    for entry in std::fs::read_dir(folder).map_err(refused)? {
+        let path = entry.map_err(refused)?.path();
+        let hidden = name(&path).starts_with('.');
+        if !hidden && picture::is_picture(&path) && path.is_file() {
+            files.push(path);
+        } else {
+            ignored += 1;
+        }
+    }
+    files.sort_by(|a, b| natural_cmp(&name(a), &name(b)));
+    Ok((files, ignored))
+}
+
+fn name(path: &Path) -> String {
+    path.file_name()
+        .map(|n| n.to_string_lossy().into_owned())
+        .unwrap_or_default()
+}
+
+impl Source for Folder {
+    fn geometry(&self) -> Geometry {
+        self.camera
+    }
+
+    fn frames(&self) -> Option<u64> {
+        Some(self.files.len() as u64)
+    }
+
+    fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
+        let Some(file) = self.files.get(self.next) else {
+            return Ok(false);
+        };
+        let frame = picture::read(file, &self.linear)?;
+        // The folder may have changed since it was listed.
+        same_size(file, frame.geometry(), &self.files[0], self.size)?;
+        *into = self.fit.apply(frame, self.camera)?;
+        self.next += 1;
+        Ok(true)
+    }
+
+    fn rate(&self) -> Option<Rate> {
+        None
+    }
+
+    fn describe(&self) -> String {
+        format!(
+            "{}: {} images of {}, {} other entries ignored",
+            self.folder.display(),
+            self.files.len(),
+            self.size,
+            self.ignored
+        )
+    }
+}

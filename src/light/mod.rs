@@ -1,0 +1,47 @@
+//! Light for the simulator: whatever holds pictures becomes frames of linear,
+//! grey light at the camera's size.
+//!
+//! [`Frame`], [`Transfer`], [`Timeline`] and the built-in [`Chart`] need nothing
+//! but `libm`; reading files needs the `files` feature. `docs/inputs.md` tells
+//! users what is accepted and how it is read.
+
+pub mod chart;
+#[cfg(feature = "files")]
+pub mod ffmpeg;
+#[cfg(feature = "files")]
+pub mod fit;
+#[cfg(feature = "files")]
+pub mod folder;
+mod frame;
+#[cfg(feature = "files")]
+pub mod motion;
+pub mod natural;
+#[cfg(feature = "files")]
+pub mod npy;
+#[cfg(feature = "files")]
+pub mod npz;
+#[cfg(feature = "files")]
+mod open;
+#[cfg(feature = "files")]
+pub mod picture;
+#[cfg(feature = "files")]
+pub mod still;
+mod timeline;
+mod transfer;
+#[cfg(feature = "files")]
+pub mod y4m;
+#[cfg(feature = "files")]
+mod yuv;
+
+pub use chart::Chart;
+#[cfg(feature = "files")]
+pub use fit::Fit;
+#[cfg(feature = "files")]
+use frame::stored_size;
+pub use frame::{Frame, Samples, Source};
+#[cfg(feature = "files")]
+pub use motion::Motion;
+#[cfg(feature = "files")]
+pub use open::{Moving, Options, open, open_reader};
+pub use timeline::{Insertion, Moment, Rate, Timeline};
+pub use transfer::{Curve, LUMINANCE, Transfer, luminance};

@@ -1,0 +1,376 @@
+//! NumPy arrays (`.npy`): `(T, H, W)`, or `(H, W)` for one frame, of u8, u16 or f32.
+//!
+//! Read frame by frame, so memory does not grow with the length. Both byte orders are
+//! read. `npyz` reads the header; the samples are fetched here, since its
+//! element-wise reader is built for whole arrays. Bytes after the array are left
+//! alone, as NumPy leaves them.
+
+use std::io::{BufReader, ErrorKind, Read};
+use std::path::Path;
+
+use npyz::{DType, Endianness, NpyHeader, Order, TypeChar};
+
+use crate::error::{Error, Kind, Result};
+use crate::light::{Curve, Fit, Frame, Rate, Samples, Source, Transfer, stored_size};
+use crate::spikes::Geometry;
+
+/// The first bytes of every file.
+pub const MAGIC: &[u8] = b"\x93NUMPY";
+
+/// Longest header text; NumPy's own bound.
+const LONGEST: usize = 10_000;
+
+/// The type of the array's elements.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Element {
+    /// `|u1`
+    U8,
+    /// `<u2`, `>u2`
+    U16,
+    /// `<f4`, `>f4`
+    F32,
+}
+
+impl Element {
+    /// Bytes of one element.
+    #[must_use]
+    pub const fn bytes(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::U16 => 2,
+            Self::F32 => 4,
+        }
+    }
+}
+
+/// Frames of an array at their own size, as they are stored.
+pub struct Reader<R: Read> {
+    name: String,
+    reader: R,
+    geometry: Geometry,
+    frames: u64,
+    next: u64,
+    element: Element,
+    big_endian: bool,
+    header_bytes: u64,
+}
+
+impl<R: Read> Reader<R> {
+    /// Reads the header. `name` stands for the stream in errors.
+    ///
+    /// # Errors
+    /// [`Kind::Input`] when the header is damaged, or the array's type, shape or order is not one that is
+    /// read here; [`Kind::Io`] when reading fails.
+    pub fn new(mut reader: R, name: &str) -> Result<Self> {
+        let bytes = header_bytes(&mut reader, name)?;
+        let header = NpyHeader::from_reader(&bytes[..]).map_err(|e| damaged(name, e))?;
+        if header.order() == Order::Fortran && header.shape().len() > 1 {
+            return Err(Error::new(Kind::Input, name)
+                .found("column-major (Fortran) order")
+                .expected("C order")
+                .remedy("save np.ascontiguousarray(a)"));
+        }
+        let (frames, geometry) = shape(header.shape(), name)?;
+        let (element, big_endian) = element(&header.dtype(), name)?;
+        Ok(Self {
+            name: name.to_owned(),
+            reader,
+            geometry,
+            frames,
+            next: 0,
+            element,
+            big_endian,
+            header_bytes: bytes.len() as u64,
+        })
+    }
+
+    /// Width and height of the array's frames.
+    #[must_use]
+    pub const fn geometry(&self) -> Geometry {
+        self.geometry
+    }
+
+    /// Number of frames that the header declares.
+    #[must_use]
+    pub const fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// Type of the elements.
+    #[must_use]
+    pub const fn element(&self) -> Element {
+        self.element
+    }
+
+    /// Whether elements of more than a byte are stored with the highest byte first.
+    #[must_use]
+    pub const fn big_endian(&self) -> bool {
+        self.big_endian
+    }
+
+    /// Bytes of header and frames together.
+    #[must_use]
+    pub const fn total_bytes(&self) -> u64 {
+        let frame = self.geometry.pixels() as u64 * self.element.bytes() as u64;
+        self.header_bytes
+            .saturating_add(self.frames.saturating_mul(frame))
+    }
+
+    /// The elements of the next frame, or `None` after the last one.
+    ///
+    /// # Errors
+    /// [`Kind::Input`] when the data end early, [`Kind::Io`] when reading fails.
+    pub fn next_samples(&mut self) -> Result<Option<Samples>> {
+        if self.next == self.frames {
+            return Ok(None);
+        }
+        let wanted = self.geometry.pixels() * self.element.bytes();
+        // `take` grows the buffer with what comes, so a false header cannot ask for memory.
+        let mut bytes = Vec::new();
+        self.reader
+            .by_ref()
+            .take(wanted as u64)
+            .read_to_end(&mut bytes)
+            .map_err(|e| match e.kind() {
+                // What a compressed archive says of its own bytes.
+                ErrorKind::InvalidData => damaged(&self.name, e),
+                _ => Error::io(&self.name, e),
+            })?;
+        if bytes.len() < wanted {
+            return Err(cut_short(&self.name, self.next, self.frames));
+        }
+        self.next += 1;
+        Ok(Some(self.decode(bytes)))
+    }
+
+    fn decode(&self, bytes: Vec<u8>) -> Samples {
+        match self.element {
+            Element::U8 => Samples::U8(bytes),
+            Element::U16 => {
+                let order = if self.big_endian {
+                    u16::from_be_bytes
+                } else {
+                    u16::from_le_bytes
+                };
+                Samples::U16(bytes.as_chunks().0.iter().map(|b| order(*b)).collect())
+            }
+            Element::F32 => {
+                let order = if self.big_endian {
+                    f32::from_be_bytes
+                } else {
+                    f32::from_le_bytes
+                };
+                Samples::F32(bytes.as_chunks().0.iter().map(|b| order(*b)).collect())
+            }
+        }
+    }
+}
+
+fn cut_short(name: &str, frame: u64, frames: u64) -> Error {
+    Error::new(Kind::Input, name)
+        .found(format_args!("the end within frame {frame}"))
+        .expected(format_args!("{frames} frames, as the header says"))
+        .remedy("the file was cut short; save it again")
+}
+
+fn damaged(name: &str, found: impl std::fmt::Display) -> Error {
+    Error::new(Kind::Input, name)
+        .found(found)
+        .expected("a NumPy array file")
+        .remedy("save it again with np.save")
+}
+
+/// Magic, version, length and text of the header.
+///
+/// The text is bounded before it is parsed: the parser follows nested brackets without a
+/// limit, and multiplies the sides without looking. Nineteen digits in all cannot make a
+/// product beyond 64 bits.
+fn header_bytes(reader: &mut impl Read, name: &str) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let fetch = |reader: &mut dyn Read, bytes: &mut Vec<u8>, n: usize| {
+        let got = reader.take(n as u64).read_to_end(bytes);
+        match got.map_err(|e| Error::io(name, e))? {
+            got if got < n => Err(damaged(name, "no complete header")),
+            _ => Ok(()),
+        }
+    };
+    fetch(reader, &mut bytes, 8)?;
+    if !bytes.starts_with(MAGIC) {
+        return Err(damaged(name, "other first bytes"));
+    }
+    let field = if bytes[6] == 1 { 2 } else { 4 };
+    fetch(reader, &mut bytes, field)?;
+    let length = bytes[8..]
+        .iter()
+        .rev()
+        .fold(0, |n, b| n << 8 | usize::from(*b));
+    if length > LONGEST {
+        return Err(damaged(name, format_args!("a header of {length} bytes")));
+    }
+    let start = bytes.len();
+    fetch(reader, &mut bytes, length)?;
+    let text = &bytes[start..];
+    let brackets = text.iter().filter(|b| b"([{".contains(b)).count();
+    let digits = text.iter().filter(|b| b.is_ascii_digit()).count();
+    if brackets > 16 || digits > 19 {
+        return Err(Error::new(Kind::Input, name)
+            .found("a structured type, or more elements than 64 bits can count")
+            .expected("frames of u8, u16 or f32"));
+    }
+    Ok(bytes)
+}
+
+fn shape(shape: &[u64], name: &str) -> Result<(u64, Geometry)> {
+    let (frames, rows, cols) = match *shape {
+        [rows, cols] => (1, rows, cols),
+        [frames, rows, cols] => (frames, rows, cols),
+        _ => {
+            return Err(Error::new(Kind::Input, name)
+                .found(format_args!("shape {shape:?}"))
+                .expected("(frames, height, width) or (height, width)")
+                .remedy("reshape or average colour channels before saving"));
+        }
+    };
+    if frames == 0 {
+        return Err(Error::new(Kind::Input, name)
+            .found(format_args!("shape {shape:?}"))
+            .expected("at least one frame"));
+    }
+    Ok((frames, stored_size(cols, rows, name)?))
+}
+
+fn element(dtype: &DType, name: &str) -> Result<(Element, bool)> {
+    let known = match dtype {
+        DType::Plain(t) => match (t.type_char(), t.size_field()) {
+            (TypeChar::Uint, 1) => Some((Element::U8, t)),
+            (TypeChar::Uint, 2) => Some((Element::U16, t)),
+            (TypeChar::Float, 4) => Some((Element::F32, t)),
+            _ => None,
+        },
+        _ => None,
+    };
+    let (element, t) = known.ok_or_else(|| {
+        Error::new(Kind::Input, name)
+            .found(format_args!("elements of type {}", dtype.descr()))
+            .expected("u8, u16 or f32")
+            .remedy("save a.astype(np.float32), with full scale at 1.0")
+    })?;
+    Ok((element, t.endianness() == Endianness::Big))
+}
+
+/// An array as frames at the camera's size.
+pub struct Array {
+    reader: Reader<Box<dyn Read + Send>>,
+    curve: Curve,
+    fit: Fit,
+    camera: Geometry,
+}
+
+impl Array {
+    /// Opens a file and checks that it is long enough.
+    ///
+    /// # Errors
+    /// As [`Array::from_reader`]; [`Kind::Input`] too when the file ends before its array does.
+    pub fn open(
+        path: &Path,
+        camera: Geometry,
+        fit: Fit,
+        transfer: Option<Transfer>,
+    ) -> Result<Self> {
+        let name = path.display().to_string();
+        let file = std::fs::File::open(path).map_err(|e| Error::io(&name, e))?;
+        let about = file.metadata().map_err(|e| Error::io(&name, e))?;
+        let input = Box::new(BufReader::new(file));
+        let array = Self::from_reader(input, &name, camera, fit, transfer)?;
+        let wanted = array.reader.total_bytes();
+        if about.is_file() && about.len() < wanted {
+            return Err(Error::new(Kind::Input, name)
+                .found(format_args!("{} bytes", about.len()))
+                .expected(format_args!("{wanted} as the header says"))
+                .remedy("the file was cut short; save it again"));
+        }
+        Ok(array)
+    }
+
+    /// Reads a stream; `name` stands for it in errors. Integers are linear unless `transfer` says otherwise.
+    ///
+    /// # Errors
+    /// As [`Reader::new`]; [`Kind::Usage`] for a transfer function with f32, which is always
+    /// linear; [`Kind::Input`] when [`Fit::Crop`] finds the frames too small.
+    pub fn from_reader(
+        reader: Box<dyn Read + Send>,
+        name: &str,
+        camera: Geometry,
+        fit: Fit,
+        transfer: Option<Transfer>,
+    ) -> Result<Self> {
+        let reader = Reader::new(reader, name)?;
+        let transfer = transfer.unwrap_or(Transfer::Linear);
+        if reader.element() == Element::F32 && transfer != Transfer::Linear {
+            return Err(Error::new(Kind::Usage, name)
+                .found(format_args!(
+                    "transfer function {transfer} for an f32 array"
+                ))
+                .expected("linear, as f32 always is")
+                .remedy("leave the transfer function out"));
+        }
+        fit.check(reader.geometry(), camera)
+            .map_err(|e| e.within(name))?;
+        Ok(Self {
+            reader,
+            curve: Curve::new(transfer),
+            fit,
+            camera,
+        })
+    }
+
+    fn linear(&self, samples: Samples) -> Samples {
+        if self.curve.transfer() == Transfer::Linear {
+            return samples;
+        }
+        match samples {
+            Samples::U8(v) => {
+                let table = self.curve.table8();
+                Samples::U16(v.iter().map(|&c| table[usize::from(c)]).collect())
+            }
+            Samples::U16(v) => {
+                let table = self.curve.table16();
+                Samples::F32(v.iter().map(|&c| table[usize::from(c)]).collect())
+            }
+            floats @ Samples::F32(_) => floats,
+        }
+    }
+}
+
+impl Source for Array {
+    fn geometry(&self) -> Geometry {
+        self.camera
+    }
+
+    fn frames(&self) -> Option<u64> {
+        Some(self.reader.frames())
+    }
+
+    fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
+        let index = self.reader.next;
+        let Some(samples) = self.reader.next_samples()? else {
+            return Ok(false);
+        };
+        let frame = Frame::new(self.reader.geometry(), self.linear(samples))
+            .map_err(|e| e.within(format_args!("{}: frame {index}", self.reader.name)))?;
+        *into = self.fit.apply(frame, self.camera)?;
+        Ok(true)
+    }
+
+    fn rate(&self) -> Option<Rate> {
+        None
+    }
+
+    fn describe(&self) -> String {
+        let r = &self.reader;
+        format!(
+            "{}: {} frames of {}, {:?}",
+            r.name, r.frames, r.geometry, r.element
+        )
+    }
+}

@@ -1,0 +1,281 @@
+//! Which frame a readout sees.
+//!
+//! Frames come at one rate and readouts at another. Readout `i` happens at time
+//! `i / readout_rate` and frame `k` at `k / frame_rate`; both rates are
+//! fractions, so the ratio is one too, and no readout drifts however long the
+//! video is. (Floats go wrong after about a minute of 30000/1001 at 40 kHz.)
+
+use std::str::FromStr;
+
+use crate::error::{Error, Kind, Result};
+
+/// An exact positive number of events per second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Rate {
+    num: u64,
+    den: u64,
+}
+
+impl Rate {
+    /// `num / den` per second, in lowest terms.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] when either is zero or beyond 10^12.
+    pub fn new(num: u64, den: u64) -> Result<Self> {
+        const MOST: u64 = 1_000_000_000_000;
+        if num == 0 || den == 0 || num > MOST || den > MOST {
+            return Err(bad_rate(&format!("{num}/{den}")));
+        }
+        let g = gcd(num, den);
+        Ok(Self {
+            num: num / g,
+            den: den / g,
+        })
+    }
+
+    /// Numerator and denominator in lowest terms.
+    #[must_use]
+    pub const fn parts(self) -> (u64, u64) {
+        (self.num, self.den)
+    }
+
+    /// The rate in hertz, as near as a float comes.
+    #[must_use]
+    pub fn hz(self) -> f64 {
+        self.num as f64 / self.den as f64
+    }
+}
+
+fn gcd(a: u64, b: u64) -> u64 {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+fn bad_rate(text: &str) -> Error {
+    Error::new(Kind::Usage, "rate")
+        .found(format_args!("`{text}`"))
+        .expected("a positive number per second, such as 25, 29.97 or 30000/1001")
+}
+
+impl FromStr for Rate {
+    type Err = Error;
+
+    /// A whole number, a fraction, or a decimal number with up to six places.
+    ///
+    /// 23.976, 29.97, 59.94 and 119.88 are read as the NTSC fractions that they
+    /// abbreviate (24000/1001 and so on).
+    fn from_str(text: &str) -> Result<Self> {
+        let bad = || bad_rate(text);
+        let digits = |s: &str| s.parse::<u64>().map_err(|_| bad());
+        for (name, thousands) in [
+            ("23.976", 24),
+            ("29.97", 30),
+            ("59.94", 60),
+            ("119.88", 120),
+        ] {
+            if text == name {
+                return Self::new(thousands * 1000, 1001);
+            }
+        }
+        if let Some((num, den)) = text.split_once('/') {
+            return Self::new(digits(num)?, digits(den)?).map_err(|_| bad());
+        }
+        let (whole, part) = text.split_once('.').unwrap_or((text, ""));
+        if part.len() > 6 {
+            return Err(bad());
+        }
+        let den = 10_u64.pow(part.len() as u32);
+        let tail = if part.is_empty() { 0 } else { digits(part)? };
+        let num = digits(whole)?
+            .checked_mul(den)
+            .and_then(|n| n.checked_add(tail));
+        Self::new(num.ok_or_else(bad)?, den).map_err(|_| bad())
+    }
+}
+
+impl std::fmt::Display for Rate {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.den == 1 {
+            write!(f, "{}", self.num)
+        } else {
+            write!(f, "{}/{}", self.num, self.den)
+        }
+    }
+}
+
+/// What the light does between two frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Insertion {
+    /// It stays what the last frame was.
+    #[default]
+    Hold,
+    /// It goes in a straight line to the next frame.
+    Linear,
+}
+
+impl FromStr for Insertion {
+    type Err = Error;
+
+    /// `hold` or `linear`.
+    fn from_str(text: &str) -> Result<Self> {
+        match text {
+            "hold" => Ok(Self::Hold),
+            "linear" => Ok(Self::Linear),
+            _ => Err(Error::new(Kind::Usage, "frame insertion")
+                .found(format_args!("`{text}`"))
+                .expected("hold or linear")),
+        }
+    }
+}
+
+/// The light of one readout: between frame `frame` and the one after it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Moment {
+    /// Index of the frame at or before the readout.
+    pub frame: u64,
+    /// How far on towards the next frame, in units of `1 / of`; 0 for [`Insertion::Hold`].
+    pub part: u64,
+    /// The denominator of `part`; at least 1.
+    pub of: u64,
+}
+
+impl Moment {
+    /// Weight of the next frame, 0 up to but not including 1.
+    #[must_use]
+    pub fn weight(self) -> f32 {
+        // The largest fractions round up to 1.0; that is a valid weight too.
+        (self.part as f64 / self.of as f64) as f32
+    }
+}
+
+/// Maps readouts to frames: readout `i` is at frame position `i * num / den`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Timeline {
+    num: u64,
+    den: u64,
+    insertion: Insertion,
+}
+
+impl Timeline {
+    /// The first frame for every readout, however many.
+    #[must_use]
+    pub const fn still() -> Self {
+        Self {
+            num: 0,
+            den: 1,
+            insertion: Insertion::Hold,
+        }
+    }
+
+    /// Each frame for `readouts` readouts.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] for zero.
+    pub fn per_frame(readouts: u64, insertion: Insertion) -> Result<Self> {
+        if readouts == 0 {
+            return Err(Error::new(Kind::Usage, "readouts per frame")
+                .found(0)
+                .expected("at least 1"));
+        }
+        Ok(Self {
+            num: 1,
+            den: readouts,
+            insertion,
+        })
+    }
+
+    /// Frames at `source` per second, readouts at `readout` per second. A
+    /// source faster than the readouts has frames that no readout sees.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] when the ratio of the two does not fit 64-bit integers.
+    pub fn rates(source: Rate, readout: Rate, insertion: Insertion) -> Result<Self> {
+        let num = u128::from(source.num) * u128::from(readout.den);
+        let den = u128::from(source.den) * u128::from(readout.num);
+        let g = gcd128(num, den);
+        match (u64::try_from(num / g), u64::try_from(den / g)) {
+            (Ok(num), Ok(den)) => Ok(Self {
+                num,
+                den,
+                insertion,
+            }),
+            _ => Err(Error::new(Kind::Usage, "frame and readout rates")
+                .found(format_args!("{source} and {readout} per second"))
+                .expected("a ratio of two 64-bit numbers")
+                .remedy("round one of them")),
+        }
+    }
+
+    /// How frames are filled in.
+    #[must_use]
+    pub const fn insertion(&self) -> Insertion {
+        self.insertion
+    }
+
+    /// The frame, and the way on to the next, of readout `readout`.
+    ///
+    /// Where the next frame does not exist, the last one stays: see [`Moment::frame`]
+    /// and [`Timeline::at_end`].
+    #[must_use]
+    pub fn at(&self, readout: u64) -> Moment {
+        let position = u128::from(readout) * u128::from(self.num);
+        let den = u128::from(self.den);
+        // Beyond 2^64 frames the last one stays; nothing is that long.
+        let frame = u64::try_from(position / den).unwrap_or(u64::MAX);
+        let part = match self.insertion {
+            Insertion::Hold => 0,
+            Insertion::Linear => (position % den) as u64,
+        };
+        Moment {
+            frame,
+            part,
+            of: self.den,
+        }
+    }
+
+    /// As [`Timeline::at`], for a source of `frames` frames whose last one stays.
+    ///
+    /// # Errors
+    /// [`Kind::Input`] when there are no frames.
+    pub fn at_end(&self, readout: u64, frames: u64) -> Result<Moment> {
+        let last = frames.checked_sub(1).ok_or_else(|| {
+            Error::new(Kind::Input, "frames of light")
+                .found("none")
+                .expected("at least one frame")
+        })?;
+        let moment = self.at(readout);
+        Ok(if moment.frame >= last {
+            Moment {
+                frame: last,
+                part: 0,
+                of: self.den,
+            }
+        } else {
+            moment
+        })
+    }
+
+    /// The first readout at or after `frame`; `None` when it never comes
+    /// ([`Timeline::still`]) or lies beyond 64 bits.
+    #[must_use]
+    pub fn first_readout(&self, frame: u64) -> Option<u64> {
+        if frame == 0 {
+            return Some(0);
+        }
+        if self.num == 0 {
+            return None;
+        }
+        let at = (u128::from(frame) * u128::from(self.den)).div_ceil(u128::from(self.num));
+        u64::try_from(at).ok()
+    }
+
+    /// How many readouts `frames` frames last, the last one as long as any; `None` when
+    /// nothing limits them ([`Timeline::still`]).
+    #[must_use]
+    pub fn readouts(&self, frames: u64) -> Option<u64> {
+        self.first_readout(frames)
+    }
+}
+
+fn gcd128(a: u128, b: u128) -> u128 {
+    if b == 0 { a } else { gcd128(b, a % b) }
+}

@@ -1,0 +1,122 @@
+//! Planes of Y'CbCr to luminance.
+
+use ::y4m::Colorspace;
+
+use crate::light::luminance;
+
+/// The coefficients between R'G'B' and Y'CbCr.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Matrix {
+    /// ITU-R BT.601: standard definition.
+    Bt601,
+    /// ITU-R BT.709: high definition.
+    Bt709,
+}
+
+impl Matrix {
+    /// What players assume of a video that does not say: BT.709 from 720 rows on.
+    #[must_use]
+    pub const fn of_height(rows: usize) -> Self {
+        if rows >= 720 {
+            Self::Bt709
+        } else {
+            Self::Bt601
+        }
+    }
+
+    /// Weights of red and blue in Y'.
+    const fn red_blue(self) -> [f32; 2] {
+        match self {
+            Self::Bt601 => [0.299, 0.114],
+            Self::Bt709 => [0.2126, 0.0722],
+        }
+    }
+}
+
+/// How the planes of a frame are stored, and what their codes mean.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Layout {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) depth: usize,
+    /// Binary logarithm of the horizontal and vertical reduction of chroma; `None` for mono.
+    pub(super) chroma: Option<[usize; 2]>,
+    pub(super) full: bool,
+    pub(super) matrix: Matrix,
+}
+
+/// Binary logarithms of the reduction of chroma on x and y; `None` for mono.
+pub(super) fn chroma(space: Colorspace) -> Option<[usize; 2]> {
+    match space {
+        Colorspace::Cmono | Colorspace::Cmono12 => None,
+        Colorspace::C422 | Colorspace::C422p10 | Colorspace::C422p12 => Some([1, 0]),
+        Colorspace::C444 | Colorspace::C444p10 | Colorspace::C444p12 => Some([0, 0]),
+        // All the others are 4:2:0; they differ in where the chroma samples sit.
+        _ => Some([1, 1]),
+    }
+}
+
+impl Layout {
+    /// Bytes of the planes of one frame.
+    pub(super) fn bytes(self) -> u64 {
+        let chroma = self.chroma.map_or(0, |[x, y]| {
+            2 * self.width.div_ceil(1 << x) as u64 * self.height.div_ceil(1 << y) as u64
+        });
+        let samples = self.width as u64 * self.height as u64 + chroma;
+        if self.depth == 8 {
+            samples
+        } else {
+            2 * samples
+        }
+    }
+
+    /// Luminance of the pixels in order, 1.0 at full scale; `table` linearises 16-bit codes.
+    pub(super) fn light<'a>(
+        self,
+        planes: [&'a [u8]; 3],
+        table: &'a [f32],
+    ) -> impl Iterator<Item = f32> + 'a {
+        let [black, white, swing] = self.levels();
+        let (to_y, to_c) = (1.0 / (white - black), 1.0 / swing);
+        let middle = (1_u32 << (self.depth - 1)) as f32;
+        let [kr, kb] = self.matrix.red_blue();
+        let kg = 1.0 - kr - kb;
+        let linear = move |code: f32| table[(code.clamp(0.0, 1.0) * 65535.0 + 0.5) as usize];
+        let [shift_x, shift_y] = self.chroma.unwrap_or_default();
+        let stride = self.width.div_ceil(1 << shift_x);
+        (0..self.height).flat_map(move |row| {
+            (0..self.width).map(move |col| {
+                let y = (self.sample(planes[0], row * self.width + col) - black) * to_y;
+                if self.chroma.is_none() {
+                    return linear(y);
+                }
+                let at = (row >> shift_y) * stride + (col >> shift_x);
+                let [cb, cr] = [1, 2].map(|p| (self.sample(planes[p], at) - middle) * to_c);
+                let red = y + 2.0 * (1.0 - kr) * cr;
+                let blue = y + 2.0 * (1.0 - kb) * cb;
+                let green = (y - kr * red - kb * blue) / kg;
+                // The weights add up to 1 only within rounding.
+                luminance([red, green, blue].map(linear)).min(1.0)
+            })
+        })
+    }
+
+    /// Codes of black and white in Y', and the whole swing of Cb and Cr (BT.709-6, item 4.6).
+    fn levels(self) -> [f32; 3] {
+        let step = (1_u32 << (self.depth - 8)) as f32;
+        if self.full {
+            let top = ((1_u32 << self.depth) - 1) as f32;
+            [0.0, top, top]
+        } else {
+            [16.0 * step, 235.0 * step, 224.0 * step]
+        }
+    }
+
+    fn sample(self, plane: &[u8], at: usize) -> f32 {
+        if self.depth == 8 {
+            f32::from(plane[at])
+        } else {
+            f32::from(u16::from_le_bytes([plane[2 * at], plane[2 * at + 1]]))
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! Pictures back from spikes.
+//!
+//! A stream tells how bright a pixel is in two ways: how many spikes fall into a
+//! window ([`tfp`], steady but blurred by motion) and how long the interval around a
+//! moment is ([`tfi`], [`isi_map`], sharp but coarse). Rates are in spikes per
+//! readout, so 1.0 is one nominal threshold per readout whatever the camera.
+
+mod intervals;
+mod quality;
+mod window;
+
+pub use intervals::{isi_map, tfi};
+pub use quality::{psnr, ssim};
+pub use window::{TfpSequence, tfp};
+
+use crate::error::{Error, Kind, Result};
+use crate::spikes::Packed;
+
+/// Calls `hit` with the pixel of every spike of a packed frame, skipping empty bytes.
+fn for_each_spike(frame: &[u8], mut hit: impl FnMut(usize)) {
+    for (i, &byte) in frame.iter().enumerate() {
+        let mut left = byte;
+        while left != 0 {
+            hit(8 * i + left.trailing_zeros() as usize);
+            left &= left - 1;
+        }
+    }
+}
+
+fn check_readout(packed: Packed, readout: usize) -> Result<()> {
+    if readout < packed.readouts() {
+        return Ok(());
+    }
+    Err(Error::new(Kind::Usage, "readout to reconstruct at")
+        .found(readout)
+        .expected(format_args!(
+            "less than the stream's {} readouts",
+            packed.readouts()
+        )))
+}

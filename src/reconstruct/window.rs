@@ -1,0 +1,89 @@
+//! Texture from playback: spikes counted in a window.
+
+use crate::error::Result;
+use crate::reconstruct::{check_readout, for_each_spike};
+use crate::spikes::Packed;
+
+/// Spikes per readout within `half_window` readouts on either side of `centre`, row-major.
+///
+/// At the borders of the stream the window is cut and the count is divided by what is left of it.
+///
+/// # Errors
+/// [`crate::Kind::Usage`] when `centre` lies beyond the stream.
+pub fn tfp(packed: Packed, centre: usize, half_window: usize) -> Result<Vec<f32>> {
+    let mut sequence = TfpSequence::new(packed, half_window);
+    sequence.move_to(centre)?;
+    Ok(sequence.image())
+}
+
+/// The window of [`tfp`] as it slides along a stream: a step costs the frames that
+/// enter and those that leave, not the whole window.
+#[derive(Clone, Debug)]
+pub struct TfpSequence<'a> {
+    packed: Packed<'a>,
+    half: usize,
+    /// Readouts that are counted, half open.
+    window: std::ops::Range<usize>,
+    counts: Vec<u32>,
+}
+
+impl<'a> TfpSequence<'a> {
+    /// A window that stands nowhere yet.
+    #[must_use]
+    pub fn new(packed: Packed<'a>, half_window: usize) -> Self {
+        Self {
+            packed,
+            half: half_window,
+            window: 0..0,
+            // A last byte may hold bits beyond the last pixel, which must be zero but are not trusted.
+            counts: vec![0; packed.geometry().frame_bytes() * 8],
+        }
+    }
+
+    /// Centres the window on a readout, from wherever it is.
+    ///
+    /// # Errors
+    /// [`crate::Kind::Usage`] when `centre` lies beyond the stream.
+    pub fn move_to(&mut self, centre: usize) -> Result<()> {
+        check_readout(self.packed, centre)?;
+        let from = centre.saturating_sub(self.half);
+        let to = centre
+            .saturating_add(self.half)
+            .saturating_add(1)
+            .min(self.packed.readouts());
+        let old = self.window.clone();
+        if to <= old.start || old.end <= from {
+            self.counts.fill(0);
+            self.add(from..to);
+        } else {
+            self.subtract(old.start..from);
+            self.subtract(to..old.end);
+            self.add(from..old.start);
+            self.add(old.end..to);
+        }
+        self.window = from..to;
+        Ok(())
+    }
+
+    /// Spikes per readout of every pixel in the window; zeros before the first [`Self::move_to`].
+    #[must_use]
+    pub fn image(&self) -> Vec<f32> {
+        let readouts = self.window.len().max(1) as f32;
+        self.counts[..self.packed.geometry().pixels()]
+            .iter()
+            .map(|&n| n as f32 / readouts)
+            .collect()
+    }
+
+    fn add(&mut self, readouts: std::ops::Range<usize>) {
+        for readout in readouts {
+            for_each_spike(self.packed.frame(readout), |p| self.counts[p] += 1);
+        }
+    }
+
+    fn subtract(&mut self, readouts: std::ops::Range<usize>) {
+        for readout in readouts {
+            for_each_spike(self.packed.frame(readout), |p| self.counts[p] -= 1);
+        }
+    }
+}

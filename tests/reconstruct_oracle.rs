@@ -1,0 +1,195 @@
+//! Reconstructions against plain loops over single bits.
+
+use proptest::prelude::*;
+use spikelane::reconstruct::{TfpSequence, isi_map, psnr, ssim, tfi, tfp};
+use spikelane::{Geometry, Kind, Packed};
+
+prop_compose! {
+    /// A stream of any small size, sparse or dense.
+    fn stream()(w in 1_u32..14, h in 1_u32..6, readouts in 1_usize..40, density in 1_u32..9)
+        (bits in prop::collection::vec(0_u32..10, w as usize * h as usize * readouts),
+         w in Just(w), h in Just(h), density in Just(density)) -> (Geometry, Vec<u8>)
+    {
+        let geometry = Geometry::new(w, h).unwrap();
+        let mut bytes = Vec::new();
+        for frame in bits.chunks_exact(geometry.pixels()) {
+            let start = bytes.len();
+            bytes.resize(start + geometry.frame_bytes(), 0);
+            for (p, &x) in frame.iter().enumerate() {
+                if x < density {
+                    spikelane::spikes::set_bit(&mut bytes[start..], p);
+                }
+            }
+        }
+        (geometry, bytes)
+    }
+}
+
+fn pixels(packed: Packed) -> impl Iterator<Item = (usize, usize)> {
+    let g = packed.geometry();
+    (0..g.pixels()).map(move |p| (p / g.width(), p % g.width()))
+}
+
+fn naive_tfp(packed: Packed, at: usize, half: usize) -> Vec<f32> {
+    let near: Vec<_> = (0..packed.readouts())
+        .filter(|t| t.abs_diff(at) <= half)
+        .collect();
+    pixels(packed)
+        .map(|(r, c)| {
+            near.iter().filter(|t| packed.get(**t, r, c)).count() as f32 / near.len() as f32
+        })
+        .collect()
+}
+
+/// The interval around `at`, and whether both ends are within `search`.
+fn naive_interval(packed: Packed, at: usize, search: usize, r: usize, c: usize) -> Option<usize> {
+    let fired: Vec<_> = (0..packed.readouts())
+        .filter(|t| packed.get(*t, r, c))
+        .collect();
+    let before = *fired.iter().rfind(|t| **t <= at)?;
+    let after = *fired.iter().find(|t| **t > at)?;
+    (at - before <= search && after - at <= search).then_some(after - before)
+}
+
+proptest! {
+    #[test]
+    fn tfp_equals_counting((g, bytes) in stream(), at in 0_usize..40, half in 0_usize..50) {
+        let packed = Packed::new(g, &bytes).unwrap();
+        let at = at % packed.readouts();
+        prop_assert_eq!(tfp(packed, at, half).unwrap(), naive_tfp(packed, at, half));
+    }
+
+    #[test]
+    fn a_sliding_window_equals_a_fresh_one(
+        (g, bytes) in stream(), half in 0_usize..8, moves in prop::collection::vec(0_usize..40, 1..12),
+    ) {
+        let packed = Packed::new(g, &bytes).unwrap();
+        let mut sequence = TfpSequence::new(packed, half);
+        for at in moves {
+            let at = at % packed.readouts();
+            sequence.move_to(at).unwrap();
+            prop_assert_eq!(sequence.image(), naive_tfp(packed, at, half));
+        }
+    }
+
+    #[test]
+    fn tfi_equals_searching((g, bytes) in stream(), at in 0_usize..40, search in 1_usize..25) {
+        let packed = Packed::new(g, &bytes).unwrap();
+        let at = at % packed.readouts();
+        let wanted: Vec<f32> = pixels(packed)
+            .map(|(r, c)| naive_interval(packed, at, search, r, c).unwrap_or(2 * search))
+            .map(|n| 1.0 / n as f32)
+            .collect();
+        prop_assert_eq!(tfi(packed, at, search).unwrap(), wanted);
+    }
+
+    #[test]
+    fn isi_map_equals_searching((g, bytes) in stream(), at in 0_usize..40) {
+        let packed = Packed::new(g, &bytes).unwrap();
+        let at = at % packed.readouts();
+        let wanted: Vec<u32> = pixels(packed)
+            .map(|(r, c)| naive_interval(packed, at, usize::MAX, r, c).unwrap_or(0) as u32)
+            .collect();
+        prop_assert_eq!(isi_map(packed, at).unwrap(), wanted);
+    }
+}
+
+#[test]
+fn bits_beyond_the_last_pixel_are_not_looked_at() {
+    let bytes = vec![0xff; 3];
+    let packed = Packed::new(Geometry::new(3, 1).unwrap(), &bytes).unwrap();
+    assert_eq!(tfp(packed, 1, 1).unwrap(), [1.0; 3]);
+    assert_eq!(isi_map(packed, 1).unwrap(), [1; 3]);
+}
+
+#[test]
+fn readouts_beyond_the_stream_and_an_empty_search_are_usage_errors() {
+    let packed = Packed::new(Geometry::new(8, 1).unwrap(), &[0; 4]).unwrap();
+    assert_eq!(tfp(packed, 4, 1).unwrap_err().kind(), Kind::Usage);
+    assert_eq!(tfi(packed, 4, 1).unwrap_err().kind(), Kind::Usage);
+    assert_eq!(tfi(packed, 0, 0).unwrap_err().kind(), Kind::Usage);
+    assert_eq!(isi_map(packed, 4).unwrap_err().kind(), Kind::Usage);
+}
+
+/// Two related pictures from a small congruential generator.
+fn pictures(g: Geometry) -> (Vec<f32>, Vec<f32>) {
+    let mut state = 7_u32;
+    let mut next = move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / 16_777_216.0
+    };
+    let a: Vec<f32> = (0..g.pixels())
+        .map(|p| (p % 7) as f32 / 10.0 + 0.3 * next())
+        .collect();
+    let b = a.iter().map(|x| x + 0.1 * next()).collect();
+    (a, b)
+}
+
+#[test]
+fn psnr_of_a_known_error() {
+    // A constant error of a tenth of the peak is 20 dB; f32 holds 0.1 to 6e-8.
+    let value = psnr(&[0.5; 64], &[0.6; 64], 1.0).unwrap();
+    assert!((value - 20.0).abs() < 1e-5);
+    assert_eq!(psnr(&[0.5; 4], &[0.5; 4], 1.0).unwrap(), f64::INFINITY);
+}
+
+#[test]
+fn ssim_equals_the_definition_window_by_window() {
+    let g = Geometry::new(19, 14).unwrap();
+    let (a, b) = pictures(g);
+    let gauss = |d: i32| (-f64::from(d * d) / (2.0 * 1.5 * 1.5)).exp();
+    let (mut sum, mut windows) = (0.0, 0.0);
+    for (top, left) in (0..4).flat_map(|r| (0..9).map(move |c| (r, c))) {
+        let cells: Vec<(f64, f64, f64)> = (0..121)
+            .map(|i| {
+                let (r, c) = (i / 11, i % 11);
+                let p = (top + r) * 19 + left + c;
+                let weight = gauss(r as i32 - 5) * gauss(c as i32 - 5);
+                (weight, f64::from(a[p]), f64::from(b[p]))
+            })
+            .collect();
+        let all: f64 = cells.iter().map(|c| c.0).sum();
+        let mean = |f: &dyn Fn(f64, f64) -> f64| {
+            cells.iter().map(|&(w, x, y)| w * f(x, y)).sum::<f64>() / all
+        };
+        let (ma, mb) = (mean(&|x, _| x), mean(&|_, y| y));
+        let (va, vb) = (
+            mean(&|x, _| (x - ma).powi(2)),
+            mean(&|_, y| (y - mb).powi(2)),
+        );
+        let cov = mean(&|x, y| (x - ma) * (y - mb));
+        let (c1, c2) = (1e-4, 9e-4);
+        sum +=
+            (2.0 * ma * mb + c1) * (2.0 * cov + c2) / ((ma * ma + mb * mb + c1) * (va + vb + c2));
+        windows += 1.0;
+    }
+    // Sums of squares minus squares of sums lose about 1e-15 / c2 of a variance.
+    assert!((ssim(&a, &b, g, 1.0).unwrap() - sum / windows).abs() < 1e-10);
+}
+
+#[test]
+fn ssim_of_a_picture_with_itself_is_one() {
+    let g = Geometry::new(30, 20).unwrap();
+    let (a, _) = pictures(g);
+    assert!((ssim(&a, &a, g, 1.0).unwrap() - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn pictures_that_do_not_match_are_usage_errors() {
+    let small = Geometry::new(10, 20).unwrap();
+    assert_eq!(
+        ssim(&[0.0; 200], &[0.0; 200], small, 1.0)
+            .unwrap_err()
+            .kind(),
+        Kind::Usage
+    );
+    assert_eq!(
+        psnr(&[0.0; 3], &[0.0; 4], 1.0).unwrap_err().kind(),
+        Kind::Usage
+    );
+    assert_eq!(
+        psnr(&[0.0; 3], &[0.0; 3], 0.0).unwrap_err().kind(),
+        Kind::Usage
+    );
+    assert_eq!(psnr(&[], &[], 1.0).unwrap_err().kind(), Kind::Usage);
+}
