@@ -21,9 +21,7 @@ fn stream(g: Geometry, readouts: usize, seed: u64) -> Vec<u8> {
     let mut frames = vec![0; readouts * g.frame_bytes()];
     for frame in frames.chunks_exact_mut(g.frame_bytes()) {
         for p in 0..g.pixels() {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
             if state >> 63 == 1 {
                 set_bit(frame, p);
             }
@@ -61,12 +59,7 @@ fn failure<T>(result: Result<T>) -> Error {
 }
 
 fn any_layout() -> impl Strategy<Value = Layout> {
-    prop_oneof![
-        Just(Layout::Dat),
-        Just(Layout::DatTop),
-        Just(Layout::NpyBits),
-        Just(Layout::NpyBytes)
-    ]
+    prop_oneof![Just(Layout::Dat), Just(Layout::DatTop), Just(Layout::NpyBits), Just(Layout::NpyBytes)]
 }
 
 proptest! {
@@ -128,10 +121,7 @@ proptest! {
 #[test]
 fn camera_rows_come_back_through_files() {
     let dir = TempDir::new().unwrap();
-    for (layout, g) in [
-        (Layout::Rows416, geometry(400, 250)),
-        (Layout::Rows1024, geometry(1000, 1000)),
-    ] {
+    for (layout, g) in [(Layout::Rows416, geometry(400, 250)), (Layout::Rows1024, geometry(1000, 1000))] {
         let packed = stream(g, 3, 11);
         let path = place(&dir, layout.name());
         write(&path, layout, g, &packed);
@@ -157,10 +147,7 @@ fn batches_of_any_size_make_the_same_file() {
         writer.write_frames(first as u64, bytes).unwrap();
         first += frames;
     }
-    assert_eq!(
-        writer.finish().unwrap().digest,
-        Digest::of_file(&place(&dir, "whole")).unwrap()
-    );
+    assert_eq!(writer.finish().unwrap().digest, Digest::of_file(&place(&dir, "whole")).unwrap());
 }
 
 #[test]
@@ -244,10 +231,7 @@ fn a_wrong_geometry_is_answered_with_the_likely_one() {
     let bytes = vec![0; 13_000 * 3];
     let found = Reader::from_bytes("s", bytes, Some(Layout::Dat), Some(geometry(400, 250)));
     let text = failure(found).to_string();
-    assert!(
-        text.contains("13000 bytes a frame would be 400x250 in layout rows416"),
-        "{text}"
-    );
+    assert!(text.contains("13000 bytes a frame would be 400x250 in layout rows416"), "{text}");
     let error = failure(Reader::from_bytes("s", vec![0; 25_000], None, None));
     assert_eq!(error.kind(), Kind::Usage);
     assert!(error.to_string().contains("12500 bytes a frame"), "{error}");
@@ -359,15 +343,9 @@ fn readouts_beyond_the_end_are_refused() {
     let g = geometry(16, 3);
     let reader = Reader::from_bytes("s", vec![0; 18], None, Some(g)).unwrap();
     let mut frame = [0; 6];
-    assert_eq!(
-        failure(reader.read_frame(3, &mut frame)).kind(),
-        Kind::Usage
-    );
+    assert_eq!(failure(reader.read_frame(3, &mut frame)).kind(), Kind::Usage);
     let last = failure(reader.read_frame(usize::MAX, &mut frame));
     assert_eq!(last.kind(), Kind::Usage);
     assert_eq!(failure(reader.frames(1..4)).kind(), Kind::Usage);
-    assert_eq!(
-        failure(reader.read_frame(0, &mut [0; 7])).kind(),
-        Kind::Usage
-    );
+    assert_eq!(failure(reader.read_frame(0, &mut [0; 7])).kind(), Kind::Usage);
 }

@@ -11,9 +11,7 @@ fn spikes(geometry: Geometry, seed: u64) -> Vec<u8> {
     let mut state = seed | 1;
     let mut frame = vec![0; geometry.frame_bytes()];
     for p in 0..geometry.pixels() {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1);
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
         if state >> 63 == 1 {
             set_bit(&mut frame, p);
         }
@@ -76,12 +74,7 @@ fn any_size() -> impl Strategy<Value = Geometry> {
     (width, 1u32..40).prop_map(|(w, h)| Geometry::new(w, h).unwrap())
 }
 
-const OF_ANY_SIZE: [Layout; 4] = [
-    Layout::Dat,
-    Layout::DatTop,
-    Layout::NpyBits,
-    Layout::NpyBytes,
-];
+const OF_ANY_SIZE: [Layout; 4] = [Layout::Dat, Layout::DatTop, Layout::NpyBits, Layout::NpyBytes];
 
 proptest! {
     #[test]
@@ -149,11 +142,7 @@ fn tags_of_1024_bit_rows_are_where_spikecv_reads_them() {
     assert_eq!(file.len(), 128_000);
     let tag = |end: usize| {
         let word = u16::from(file[end - 1]) << 8 | u16::from(file[end - 2]);
-        assert_eq!(
-            word & 0xf,
-            0xf,
-            "the last pixels of the half row ending at {end}"
-        );
+        assert_eq!(word & 0xf, 0xf, "the last pixels of the half row ending at {end}");
         ((word & 0x3ff0) >> 4, (word & 0xc000) >> 14)
     };
     assert_eq!(tag(64), (500, 0));
@@ -186,10 +175,7 @@ fn names_parse_back_and_an_unknown_one_lists_them() {
 #[test]
 fn a_file_of_npy_begins_as_numpy_writes_it() {
     let g = Geometry::new(13, 5).unwrap();
-    for (layout, shape) in [
-        (Layout::NpyBits, "(7, 5, 2, )"),
-        (Layout::NpyBytes, "(7, 5, 13, )"),
-    ] {
+    for (layout, shape) in [(Layout::NpyBits, "(7, 5, 2, )"), (Layout::NpyBytes, "(7, 5, 13, )")] {
         let header = layout.header(g, 7).unwrap();
         assert_eq!(&header[..8], b"\x93NUMPY\x01\x00");
         let text = usize::from(u16::from_le_bytes([header[8], header[9]]));
@@ -197,15 +183,9 @@ fn a_file_of_npy_begins_as_numpy_writes_it() {
         assert_eq!(header.len() % 64, 0, "data must be aligned");
         assert_eq!(*header.last().unwrap(), b'\n');
         let dict = std::str::from_utf8(&header[10..]).unwrap().trim_end();
-        assert_eq!(
-            dict,
-            format!("{{'descr': '|u1', 'fortran_order': False, 'shape': {shape}, }}")
-        );
+        assert_eq!(dict, format!("{{'descr': '|u1', 'fortran_order': False, 'shape': {shape}, }}"));
         let data = 7 * layout.frame_bytes(g).unwrap();
-        assert_eq!(
-            layout.file_bytes(g, 7).unwrap(),
-            (header.len() + data) as u64
-        );
+        assert_eq!(layout.file_bytes(g, 7).unwrap(), (header.len() + data) as u64);
     }
 }
 

@@ -14,13 +14,8 @@ use spikelane::{Geometry, Kind};
 fn archive(name: &str, shape: &[u64], values: Vec<u8>) -> Vec<u8> {
     let mut bytes = Cursor::new(Vec::new());
     let mut npz = NpzWriter::new(&mut bytes);
-    let mut array = npz
-        .array(name, FileOptions::default())
-        .unwrap()
-        .default_dtype()
-        .shape(shape)
-        .begin_nd()
-        .unwrap();
+    let mut array =
+        npz.array(name, FileOptions::default()).unwrap().default_dtype().shape(shape).begin_nd().unwrap();
     array.extend(values).unwrap();
     array.finish().unwrap();
     drop(npz);

@@ -20,9 +20,7 @@ fn place(dir: &TempDir, name: &str) -> PathBuf {
 /// All names in a directory, hidden ones included.
 fn names(dir: &TempDir) -> Vec<String> {
     let entries = fs::read_dir(dir.path()).unwrap();
-    let mut names: Vec<String> = entries
-        .map(|e| e.unwrap().file_name().into_string().unwrap())
-        .collect();
+    let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     names
 }
@@ -38,10 +36,7 @@ fn an_existing_output_is_refused_and_kept() {
     fs::write(&path, "mine").unwrap();
     let error = failure(StreamWriter::create(&path, Layout::Dat, g, 1, false));
     assert_eq!(error.kind(), Kind::Exists);
-    assert_eq!(
-        failure(write_small(&path, b"x", false)).kind(),
-        Kind::Exists
-    );
+    assert_eq!(failure(write_small(&path, b"x", false)).kind(), Kind::Exists);
     assert_eq!(fs::read(&path).unwrap(), b"mine");
     assert_eq!(names(&dir), ["s.dat"]);
     let mut writer = StreamWriter::create(&path, Layout::Dat, g, 1, true).unwrap();

@@ -50,11 +50,7 @@ fn grey(w: u32, h: u32, light: u8) -> GrayImage {
 #[test]
 fn grey_png_of_8_bits_goes_through_srgb_or_stays() {
     let dir = TempDir::new().unwrap();
-    let path = put(
-        &dir,
-        "a.png",
-        GrayImage::from_raw(3, 1, vec![0, 128, 255]).unwrap(),
-    );
+    let path = put(&dir, "a.png", GrayImage::from_raw(3, 1, vec![0, 128, 255]).unwrap());
     // sRGB 128: ((128/255 + 0.055) / 1.055)^2.4 = 0.2158605.
     let srgb = read(&path, &camera(3, 1)).unwrap();
     assert_eq!(srgb[0].samples(), &Samples::U16(vec![0, 14146, 65535]));
@@ -79,8 +75,7 @@ fn colours_become_luminance_after_linearising() {
 #[test]
 fn grey_16_bit_files_keep_their_depth() {
     let dir = TempDir::new().unwrap();
-    let raw: ImageBuffer<Luma<u16>, _> =
-        ImageBuffer::from_raw(2, 2, vec![0_u16, 1, 32768, 65535]).unwrap();
+    let raw: ImageBuffer<Luma<u16>, _> = ImageBuffer::from_raw(2, 2, vec![0_u16, 1, 32768, 65535]).unwrap();
     for name in ["d.png", "d.tif"] {
         let path = put(&dir, name, raw.clone());
         let mut options = camera(2, 2);
@@ -136,9 +131,7 @@ fn negative_light_in_an_exr_is_named_by_pixel() {
 #[test]
 fn scaling_averages_light_and_not_codes() {
     let dir = TempDir::new().unwrap();
-    let board = GrayImage::from_fn(64, 64, |x, y| {
-        Luma([if (x + y) % 2 == 0 { 255 } else { 0 }])
-    });
+    let board = GrayImage::from_fn(64, 64, |x, y| Luma([if (x + y) % 2 == 0 { 255 } else { 0 }]));
     let path = put(&dir, "i.png", board);
     let light = read(&path, &camera(16, 16)).unwrap()[0].get(8, 8);
     // Codes would average to 0.214. The tent spans 8 pixels of a balanced board.
@@ -183,16 +176,8 @@ fn a_folder_is_read_in_the_order_of_its_numbers() {
     options.transfer = Some(Transfer::Linear);
     let mut source = open(dir.path(), &options).unwrap();
     assert_eq!(source.frames(), Some(3));
-    assert!(
-        source.describe().contains("2 other entries ignored"),
-        "{}",
-        source.describe()
-    );
-    let light: Vec<_> = frames(&mut *source)
-        .unwrap()
-        .iter()
-        .map(|f| f.get(0, 0) * 255.0)
-        .collect();
+    assert!(source.describe().contains("2 other entries ignored"), "{}", source.describe());
+    let light: Vec<_> = frames(&mut *source).unwrap().iter().map(|f| f.get(0, 0) * 255.0).collect();
     assert_eq!(light, [10.0, 20.0, 30.0]);
 }
 
@@ -204,42 +189,26 @@ fn images_of_mixed_size_are_named_with_both_sizes() {
     let error = open(dir.path(), &camera(4, 4)).err().unwrap();
     let text = error.to_string();
     assert_eq!(error.kind(), Kind::Input);
-    assert!(
-        ["a2.png", "5x4", "4x4"].iter().all(|s| text.contains(s)),
-        "{text}"
-    );
+    assert!(["a2.png", "5x4", "4x4"].iter().all(|s| text.contains(s)), "{text}");
 }
 
 #[test]
 fn damaged_images_and_empty_folders_are_input_errors() {
     let dir = TempDir::new().unwrap();
-    assert_eq!(
-        open(dir.path(), &camera(4, 4)).err().unwrap().kind(),
-        Kind::Input
-    );
-    let whole = put(
-        &dir,
-        "whole.png",
-        RgbImage::from_fn(64, 64, |x, y| Rgb([x as u8, y as u8, 7])),
-    );
+    assert_eq!(open(dir.path(), &camera(4, 4)).err().unwrap().kind(), Kind::Input);
+    let whole = put(&dir, "whole.png", RgbImage::from_fn(64, 64, |x, y| Rgb([x as u8, y as u8, 7])));
     let bytes = fs::read(&whole).unwrap();
     fs::write(dir.path().join("cut.png"), &bytes[..bytes.len() / 2]).unwrap();
     fs::write(dir.path().join("text.png"), "no image").unwrap();
     for name in ["cut.png", "text.png"] {
-        assert_eq!(
-            refused(&dir.path().join(name), &camera(4, 4)).0,
-            Kind::Input
-        );
+        assert_eq!(refused(&dir.path().join(name), &camera(4, 4)).0, Kind::Input);
     }
 }
 
 #[test]
 fn a_missing_file_is_an_io_error_and_an_unknown_one_lists_what_is_read() {
     let dir = TempDir::new().unwrap();
-    assert_eq!(
-        refused(&dir.path().join("none.png"), &camera(4, 4)).0,
-        Kind::Io
-    );
+    assert_eq!(refused(&dir.path().join("none.png"), &camera(4, 4)).0, Kind::Io);
     fs::write(dir.path().join("table.csv"), "1,2").unwrap();
     let (kind, text) = refused(&dir.path().join("table.csv"), &camera(4, 4));
     assert_eq!(kind, Kind::Usage);
@@ -249,11 +218,7 @@ fn a_missing_file_is_an_io_error_and_an_unknown_one_lists_what_is_read() {
 fn moving(motion: &str, frames: u64) -> Option<Moving> {
     let motion: Motion = motion.parse().unwrap();
     let rate = Rate::new(10, 1).unwrap();
-    Some(Moving {
-        motion,
-        rate,
-        frames,
-    })
+    Some(Moving { motion, rate, frames })
 }
 
 #[test]
@@ -267,12 +232,7 @@ fn a_pan_moves_by_whole_pixels_and_mirrors_beyond_the_edge() {
     for spec in ["pan=20,0", "pan=2,0/frame"] {
         options.moving = moving(spec, 2);
         let seen = read(&path, &options).unwrap();
-        let codes = |f: &Frame| {
-            f.to_f32()
-                .iter()
-                .map(|x| (x * 255.0).round())
-                .collect::<Vec<_>>()
-        };
+        let codes = |f: &Frame| f.to_f32().iter().map(|x| (x * 255.0).round()).collect::<Vec<_>>();
         assert_eq!(codes(&seen[0]), [0.0, 10.0, 20.0, 30.0, 40.0, 50.0]);
         assert_eq!(codes(&seen[1]), [20.0, 30.0, 40.0, 50.0, 50.0, 40.0]);
     }
@@ -290,57 +250,32 @@ fn a_quarter_turn_is_clockwise_and_zoom_magnifies() {
     assert!(turned.get(1, 6) > 0.99 && turned.get(1, 1) < 0.01 && turned.get(6, 6) < 0.01);
     // 1024 per second is 2 after a tenth: the bright quarter still meets the middle.
     let dot = GrayImage::from_fn(8, 8, |x, y| {
-        Luma([if (3..5).contains(&x) && (3..5).contains(&y) {
-            255
-        } else {
-            0
-        }])
+        Luma([if (3..5).contains(&x) && (3..5).contains(&y) { 255 } else { 0 }])
     });
     let path = put(&dir, "dot.png", dot);
     options.moving = moving("zoom=1000:pan=0,0", 2);
     let near = read(&path, &options).unwrap();
     let sum = |f: &Frame| f.to_f32().iter().sum::<f32>();
     // The area grows by 1000^0.2 = 3.98; bilinear edges on an 8x8 grid cost a few per cent.
-    assert!(
-        (sum(&near[1]) / sum(&near[0]) - 3.98).abs() < 0.4,
-        "{}",
-        sum(&near[1])
-    );
+    assert!((sum(&near[1]) / sum(&near[0]) - 3.98).abs() < 0.4, "{}", sum(&near[1]));
 }
 
 #[test]
 fn motions_that_make_no_sense_are_usage_errors() {
-    for bad in [
-        "",
-        "pan=1",
-        "pan=1,2:pan=3,4",
-        "zoom=0",
-        "zoom=-1",
-        "spin=3",
-        "rotate=nan",
-    ] {
-        assert_eq!(
-            bad.parse::<Motion>().unwrap_err().kind(),
-            Kind::Usage,
-            "{bad}"
-        );
+    for bad in ["", "pan=1", "pan=1,2:pan=3,4", "zoom=0", "zoom=-1", "spin=3", "rotate=nan"] {
+        assert_eq!(bad.parse::<Motion>().unwrap_err().kind(), Kind::Usage, "{bad}");
     }
     let dir = TempDir::new().unwrap();
     put(&dir, "a.png", grey(4, 4, 1));
     let mut options = camera(4, 4);
     options.moving = moving("pan=1,1", 2);
-    assert_eq!(
-        open(dir.path(), &options).err().unwrap().kind(),
-        Kind::Usage
-    );
+    assert_eq!(open(dir.path(), &options).err().unwrap().kind(), Kind::Usage);
 }
 
 #[test]
 fn a_stream_that_is_neither_y4m_nor_npy_is_refused() {
     for bytes in [&b""[..], b"hello", b"Y", b"\x93NUM"] {
-        let error = open_reader(Box::new(Cursor::new(bytes)), "pipe", &camera(4, 4))
-            .err()
-            .unwrap();
+        let error = open_reader(Box::new(Cursor::new(bytes)), "pipe", &camera(4, 4)).err().unwrap();
         assert_eq!(error.kind(), Kind::Input);
         assert!(error.to_string().starts_with("pipe"), "{error}");
     }

@@ -13,29 +13,19 @@ fn geometry(w: u32, h: u32) -> Geometry {
 
 /// IEC 61966-2-1, written with the standard library.
 fn srgb(code: f64) -> f64 {
-    if code <= 0.04045 {
-        code / 12.92
-    } else {
-        ((code + 0.055) / 1.055).powf(2.4)
-    }
+    if code <= 0.04045 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
 }
 
 #[test]
 fn eight_bit_tables_are_within_half_a_code_of_the_formula() {
     type Formula = fn(f64) -> f64;
-    let exact: [(Transfer, Formula); 3] = [
-        (Transfer::Srgb, srgb),
-        (Transfer::Linear, |x| x),
-        (Transfer::Gamma(2.2), |x| x.powf(2.2)),
-    ];
+    let exact: [(Transfer, Formula); 3] =
+        [(Transfer::Srgb, srgb), (Transfer::Linear, |x| x), (Transfer::Gamma(2.2), |x| x.powf(2.2))];
     for (transfer, formula) in exact {
         for (code, &light) in transfer.table8().iter().enumerate() {
             let wanted = formula(code as f64 / 255.0) * 65535.0;
             // 1e-6: the two pow functions may differ in their last bits.
-            assert!(
-                (f64::from(light) - wanted).abs() <= 0.5 + 1e-6,
-                "{transfer} {code}"
-            );
+            assert!((f64::from(light) - wanted).abs() <= 0.5 + 1e-6, "{transfer} {code}");
         }
     }
 }
@@ -69,11 +59,7 @@ fn transfer_names_are_read_and_nonsense_is_a_usage_error() {
     assert_eq!("linear".parse::<Transfer>().unwrap(), Transfer::Linear);
     assert_eq!("2.2".parse::<Transfer>().unwrap(), Transfer::Gamma(2.2));
     for bad in ["", "SRGB ", "0", "-1", "nan", "inf", "rec709"] {
-        assert_eq!(
-            bad.parse::<Transfer>().unwrap_err().kind(),
-            Kind::Usage,
-            "{bad}"
-        );
+        assert_eq!(bad.parse::<Transfer>().unwrap_err().kind(), Kind::Usage, "{bad}");
     }
 }
 
@@ -85,10 +71,7 @@ fn a_bad_float_is_named_by_row_col_and_value() {
         let error = Frame::new(geometry(4, 3), Samples::F32(light)).unwrap_err();
         assert_eq!(error.kind(), Kind::Input);
         let text = error.to_string();
-        assert!(
-            text.contains("row 1, col 3") && text.contains(&bad.to_string()),
-            "{text}"
-        );
+        assert!(text.contains("row 1, col 3") && text.contains(&bad.to_string()), "{text}");
     }
 }
 
@@ -109,10 +92,7 @@ fn the_maximum_is_relative_to_full_scale() {
 #[test]
 fn a_blend_is_the_straight_line_between_two_frames() {
     let frame = |samples| Frame::new(geometry(2, 1), samples).unwrap();
-    let (a, b) = (
-        frame(Samples::U8(vec![0, 255])),
-        frame(Samples::U16(vec![65535, 257])),
-    );
+    let (a, b) = (frame(Samples::U8(vec![0, 255])), frame(Samples::U16(vec![65535, 257])));
     let mid = Frame::blend(&a, &b, 0.25).unwrap();
     // 65535/4 = 16383.75 and 65535 - (65535 - 257)/4 = 49215.5, rounded half up.
     assert_eq!(mid.samples(), &Samples::U16(vec![16384, 49216]));
@@ -124,16 +104,9 @@ fn a_blend_is_the_straight_line_between_two_frames() {
 
 #[test]
 fn numbered_names_sort_by_their_numbers() {
-    let mut names = [
-        "img10", "img2", "a", "img2b", "img02", "b1c10", "b1c9", "img",
-    ];
+    let mut names = ["img10", "img2", "a", "img2b", "img02", "b1c10", "b1c9", "img"];
     names.sort_by(|a, b| natural_cmp(a, b));
-    assert_eq!(
-        names,
-        [
-            "a", "b1c9", "b1c10", "img", "img02", "img2", "img2b", "img10"
-        ]
-    );
+    assert_eq!(names, ["a", "b1c9", "b1c10", "img", "img02", "img2", "img2b", "img10"]);
 }
 
 #[test]
@@ -230,22 +203,8 @@ fn rates_are_read_exactly_and_nonsense_is_refused() {
     assert_eq!(parts("25"), (25, 1));
     assert_eq!(parts("12.50"), (25, 2));
     assert_eq!(parts("48000/2002"), (24_000, 1001));
-    for bad in [
-        "",
-        "0",
-        "-1",
-        "1/0",
-        "nan",
-        "1e3",
-        "99999999999999999999",
-        "1.0000001",
-        ".",
-    ] {
-        assert_eq!(
-            bad.parse::<Rate>().unwrap_err().kind(),
-            Kind::Usage,
-            "{bad}"
-        );
+    for bad in ["", "0", "-1", "1/0", "nan", "1e3", "99999999999999999999", "1.0000001", "."] {
+        assert_eq!(bad.parse::<Rate>().unwrap_err().kind(), Kind::Usage, "{bad}");
     }
 }
 
@@ -263,10 +222,7 @@ fn the_wedge_has_its_levels_at_every_size() {
             assert!(!rows.is_empty() && !cols.is_empty());
             for (row, col) in rows.flat_map(|r| cols.clone().map(move |c| (r, c))) {
                 // Half a 16-bit step.
-                assert!(
-                    (frame.get(row, col) - level).abs() < 0.6 / 65535.0,
-                    "{w}x{h} {row} {col}"
-                );
+                assert!((frame.get(row, col) - level).abs() < 0.6 / 65535.0, "{w}x{h} {row} {col}");
             }
         }
     }

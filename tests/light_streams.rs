@@ -73,11 +73,7 @@ fn arrays_of_every_type_come_back_as_they_were() {
     ];
     let wanted = |i: usize| {
         let at = 6 * i..6 * (i + 1);
-        [
-            Samples::U8(b[at.clone()].into()),
-            Samples::U16(h[at.clone()].into()),
-            Samples::F32(f[at].into()),
-        ]
+        [Samples::U8(b[at.clone()].into()), Samples::U16(h[at.clone()].into()), Samples::F32(f[at].into())]
     };
     for (k, file) in files.iter().enumerate() {
         let got = read(file, &camera(3, 2)).unwrap();
@@ -104,10 +100,7 @@ fn a_transfer_function_applies_to_integers_and_is_refused_for_floats() {
     let mut options = camera(2, 1);
     options.transfer = Some(Transfer::Srgb);
     let path = put(&dir, "i.npy", npy(&[1, 2], &[128_u8, 255]));
-    assert_eq!(
-        read(&path, &options).unwrap()[0].samples(),
-        &Samples::U16(vec![14146, 65535])
-    );
+    assert_eq!(read(&path, &options).unwrap()[0].samples(), &Samples::U16(vec![14146, 65535]));
     let path = put(&dir, "x.npy", npy(&[1, 2], &[0.5_f32, 1.0]));
     assert_eq!(refused(&path, &options).0, Kind::Usage);
 }
@@ -116,53 +109,22 @@ fn a_transfer_function_applies_to_integers_and_is_refused_for_floats() {
 fn arrays_that_are_no_frames_say_why() {
     let dir = TempDir::new().unwrap();
     let header = |descr: &str, order: &str, shape: &str| {
-        npy_of(
-            &format!("{{'descr': {descr}, 'fortran_order': {order}, 'shape': {shape}, }}"),
-            &[0; 64],
-        )
+        npy_of(&format!("{{'descr': {descr}, 'fortran_order': {order}, 'shape': {shape}, }}"), &[0; 64])
     };
     for (name, bytes, says) in [
         ("double", header("'<f8'", "False", "(2, 2)"), "f8"),
         ("signed", header("'|i1'", "False", "(2, 2)"), "i1"),
-        (
-            "fortran",
-            header("'|u1'", "True", "(2, 2, 2)"),
-            "ascontiguousarray",
-        ),
-        (
-            "colour",
-            header("'|u1'", "False", "(2, 2, 2, 3)"),
-            "[2, 2, 2, 3]",
-        ),
-        (
-            "empty",
-            header("'|u1'", "False", "(0, 2, 2)"),
-            "at least one frame",
-        ),
-        (
-            "huge",
-            header("'|u1'", "False", "(9999999999, 9999999999, 9)"),
-            "64 bits",
-        ),
-        (
-            "wide",
-            header("'|u1'", "False", "(1, 99999, 99999)"),
-            "pixels",
-        ),
-        (
-            "record",
-            header("[('a', '<f4'), ('b', '<f4')]", "False", "(2, 2)"),
-            "f4",
-        ),
+        ("fortran", header("'|u1'", "True", "(2, 2, 2)"), "ascontiguousarray"),
+        ("colour", header("'|u1'", "False", "(2, 2, 2, 3)"), "[2, 2, 2, 3]"),
+        ("empty", header("'|u1'", "False", "(0, 2, 2)"), "at least one frame"),
+        ("huge", header("'|u1'", "False", "(9999999999, 9999999999, 9)"), "64 bits"),
+        ("wide", header("'|u1'", "False", "(1, 99999, 99999)"), "pixels"),
+        ("record", header("[('a', '<f4'), ('b', '<f4')]", "False", "(2, 2)"), "f4"),
         ("nested", npy_of(&"(".repeat(9000), &[]), "structured"),
         ("broken", npy_of("{'descr': ", &[]), "NumPy"),
         ("magic", b"\x93NUMPX\x01\x00".to_vec(), "first bytes"),
         ("short", b"\x93NUMPY\x01".to_vec(), "header"),
-        (
-            "long",
-            b"\x93NUMPY\x02\x00\xff\xff\xff\xff".to_vec(),
-            "header of",
-        ),
+        ("long", b"\x93NUMPY\x02\x00\xff\xff\xff\xff".to_vec(), "header of"),
     ] {
         let path = put(&dir, &format!("{name}.npy"), bytes);
         let (kind, text) = refused(&path, &camera(2, 2));
@@ -177,10 +139,7 @@ fn a_truncated_array_is_refused_from_a_file_and_from_a_pipe() {
     let whole = npy(&[3, 2, 2], &[7_u8; 12]);
     let cut = &whole[..whole.len() - 3];
     let path = put(&dir, "cut.npy", cut);
-    assert_eq!(
-        open(&path, &camera(2, 2)).err().unwrap().kind(),
-        Kind::Input
-    );
+    assert_eq!(open(&path, &camera(2, 2)).err().unwrap().kind(), Kind::Input);
     let pipe = Box::new(Cursor::new(cut.to_vec()));
     let mut source = open_reader(pipe, "pipe", &camera(2, 2)).unwrap();
     let error = frames(&mut *source).unwrap_err();
@@ -196,10 +155,7 @@ fn a_bad_float_in_an_array_is_named_by_frame_and_pixel() {
     let path = put(&dir, "nan.npy", npy(&[3, 2, 2], &values));
     let (kind, text) = refused(&path, &camera(2, 2));
     assert_eq!(kind, Kind::Input);
-    assert!(
-        text.contains("frame 2") && text.contains("row 0, col 1"),
-        "{text}"
-    );
+    assert!(text.contains("frame 2") && text.contains("row 0, col 1"), "{text}");
 }
 
 fn npz(path: &Path, arrays: &[&str], values: &[u8], shape: &[u64]) {
@@ -256,26 +212,17 @@ const STEP: f32 = 2.0 / 65535.0;
 #[test]
 fn ranges_of_luma_are_as_declared() {
     let near = |got: &[f32], wanted: &[f32]| {
-        assert!(
-            got.iter().zip(wanted).all(|(a, b)| (a - b).abs() < STEP),
-            "{got:?} {wanted:?}"
-        );
+        assert!(got.iter().zip(wanted).all(|(a, b)| (a - b).abs() < STEP), "{got:?} {wanted:?}");
     };
     let codes = [0_u8, 16, 126, 235, 255];
     let full: Vec<f32> = codes.iter().map(|&c| f32::from(c) / 255.0).collect();
     let limited = [0.0, 0.0, 110.0 / 219.0, 1.0, 1.0];
     near(&light("W5 H1 F25:1 Cmono", &codes, (5, 1)), &full);
-    near(
-        &light("W5 H1 Cmono XCOLORRANGE=LIMITED", &codes, (5, 1)),
-        &limited,
-    );
+    near(&light("W5 H1 Cmono XCOLORRANGE=LIMITED", &codes, (5, 1)), &limited);
     let mut colour = codes.to_vec();
     colour.extend([128; 10]);
     near(&light("W5 H1 F25:1 C444", &colour, (5, 1)), &limited);
-    near(
-        &light("W5 H1 C444 XCOLORRANGE=FULL", &colour, (5, 1)),
-        &full,
-    );
+    near(&light("W5 H1 C444 XCOLORRANGE=FULL", &colour, (5, 1)), &full);
 }
 
 #[test]
@@ -288,10 +235,7 @@ fn subsampled_chroma_covers_its_pixels() {
         planes.extend(vec![255; chroma]);
         let got = light(&format!("W3 H3 {header} XCOLORRANGE=FULL"), &planes, (3, 3));
         // Codes of 8 bits: 1/255 in R' is 0.0008 of luminance, in G' 0.003.
-        assert!(
-            got.iter().all(|x| (x - 0.2126).abs() < 0.004),
-            "{header} {got:?}"
-        );
+        assert!(got.iter().all(|x| (x - 0.2126).abs() < 0.004), "{header} {got:?}");
     }
 }
 
@@ -309,11 +253,7 @@ fn ten_and_twelve_bits_are_little_endian() {
 #[test]
 fn a_y4m_file_knows_its_frames_and_rate() {
     let dir = TempDir::new().unwrap();
-    let path = put(
-        &dir,
-        "v.y4m",
-        y4m("W2 H1 F30000:1001 Cmono", &[&[0, 255], &[255, 0], &[9, 9]]),
-    );
+    let path = put(&dir, "v.y4m", y4m("W2 H1 F30000:1001 Cmono", &[&[0, 255], &[255, 0], &[9, 9]]));
     let mut source = open(&path, &camera(2, 1)).unwrap();
     assert_eq!(source.frames(), Some(3));
     assert_eq!(source.rate(), Some(Rate::new(30_000, 1001).unwrap()));
@@ -378,14 +318,7 @@ fn a_colour_video_comes_through_ffmpeg_with_its_light() {
     // A name with a colon and spaces must stay a name.
     let path = dir.path().join("a: b.mkv");
     let made = Command::new("ffmpeg")
-        .args([
-            "-v",
-            "error",
-            "-f",
-            "lavfi",
-            "-i",
-            "color=c=0x00bc00:s=64x48:r=25:d=0.4",
-        ])
+        .args(["-v", "error", "-f", "lavfi", "-i", "color=c=0x00bc00:s=64x48:r=25:d=0.4"])
         .args(["-c:v", "ffv1", "-pix_fmt", "gbrp"])
         .arg(format!("file:{}", path.display()))
         .status()
@@ -418,9 +351,7 @@ fn a_missing_ffmpeg_says_how_to_get_it() {
     let dir = TempDir::new().unwrap();
     let path = put(&dir, "v.mp4", "x");
     let size = Geometry::new(4, 4).unwrap();
-    let error = Decoded::open_with("no-such-ffmpeg", &path, size, Fit::Resize, None)
-        .err()
-        .unwrap();
+    let error = Decoded::open_with("no-such-ffmpeg", &path, size, Fit::Resize, None).err().unwrap();
     assert_eq!(error.kind(), Kind::Tool);
     assert!(error.to_string().contains("install"), "{error}");
 }

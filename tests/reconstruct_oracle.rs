@@ -31,21 +31,15 @@ fn pixels(packed: Packed) -> impl Iterator<Item = (usize, usize)> {
 }
 
 fn naive_tfp(packed: Packed, at: usize, half: usize) -> Vec<f32> {
-    let near: Vec<_> = (0..packed.readouts())
-        .filter(|t| t.abs_diff(at) <= half)
-        .collect();
+    let near: Vec<_> = (0..packed.readouts()).filter(|t| t.abs_diff(at) <= half).collect();
     pixels(packed)
-        .map(|(r, c)| {
-            near.iter().filter(|t| packed.get(**t, r, c)).count() as f32 / near.len() as f32
-        })
+        .map(|(r, c)| near.iter().filter(|t| packed.get(**t, r, c)).count() as f32 / near.len() as f32)
         .collect()
 }
 
 /// The interval around `at`, and whether both ends are within `search`.
 fn naive_interval(packed: Packed, at: usize, search: usize, r: usize, c: usize) -> Option<usize> {
-    let fired: Vec<_> = (0..packed.readouts())
-        .filter(|t| packed.get(*t, r, c))
-        .collect();
+    let fired: Vec<_> = (0..packed.readouts()).filter(|t| packed.get(*t, r, c)).collect();
     let before = *fired.iter().rfind(|t| **t <= at)?;
     let after = *fired.iter().find(|t| **t > at)?;
     (at - before <= search && after - at <= search).then_some(after - before)
@@ -118,9 +112,7 @@ fn pictures(g: Geometry) -> (Vec<f32>, Vec<f32>) {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         (state >> 8) as f32 / 16_777_216.0
     };
-    let a: Vec<f32> = (0..g.pixels())
-        .map(|p| (p % 7) as f32 / 10.0 + 0.3 * next())
-        .collect();
+    let a: Vec<f32> = (0..g.pixels()).map(|p| (p % 7) as f32 / 10.0 + 0.3 * next()).collect();
     let b = a.iter().map(|x| x + 0.1 * next()).collect();
     (a, b)
 }
@@ -149,18 +141,13 @@ fn ssim_equals_the_definition_window_by_window() {
             })
             .collect();
         let all: f64 = cells.iter().map(|c| c.0).sum();
-        let mean = |f: &dyn Fn(f64, f64) -> f64| {
-            cells.iter().map(|&(w, x, y)| w * f(x, y)).sum::<f64>() / all
-        };
+        let mean =
+            |f: &dyn Fn(f64, f64) -> f64| cells.iter().map(|&(w, x, y)| w * f(x, y)).sum::<f64>() / all;
         let (ma, mb) = (mean(&|x, _| x), mean(&|_, y| y));
-        let (va, vb) = (
-            mean(&|x, _| (x - ma).powi(2)),
-            mean(&|_, y| (y - mb).powi(2)),
-        );
+        let (va, vb) = (mean(&|x, _| (x - ma).powi(2)), mean(&|_, y| (y - mb).powi(2)));
         let cov = mean(&|x, y| (x - ma) * (y - mb));
         let (c1, c2) = (1e-4, 9e-4);
-        sum +=
-            (2.0 * ma * mb + c1) * (2.0 * cov + c2) / ((ma * ma + mb * mb + c1) * (va + vb + c2));
+        sum += (2.0 * ma * mb + c1) * (2.0 * cov + c2) / ((ma * ma + mb * mb + c1) * (va + vb + c2));
         windows += 1.0;
     }
     // Sums of squares minus squares of sums lose about 1e-15 / c2 of a variance.
@@ -177,19 +164,8 @@ fn ssim_of_a_picture_with_itself_is_one() {
 #[test]
 fn pictures_that_do_not_match_are_usage_errors() {
     let small = Geometry::new(10, 20).unwrap();
-    assert_eq!(
-        ssim(&[0.0; 200], &[0.0; 200], small, 1.0)
-            .unwrap_err()
-            .kind(),
-        Kind::Usage
-    );
-    assert_eq!(
-        psnr(&[0.0; 3], &[0.0; 4], 1.0).unwrap_err().kind(),
-        Kind::Usage
-    );
-    assert_eq!(
-        psnr(&[0.0; 3], &[0.0; 3], 0.0).unwrap_err().kind(),
-        Kind::Usage
-    );
+    assert_eq!(ssim(&[0.0; 200], &[0.0; 200], small, 1.0).unwrap_err().kind(), Kind::Usage);
+    assert_eq!(psnr(&[0.0; 3], &[0.0; 4], 1.0).unwrap_err().kind(), Kind::Usage);
+    assert_eq!(psnr(&[0.0; 3], &[0.0; 3], 0.0).unwrap_err().kind(), Kind::Usage);
     assert_eq!(psnr(&[], &[], 1.0).unwrap_err().kind(), Kind::Usage);
 }

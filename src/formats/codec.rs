@@ -19,11 +19,7 @@ impl Codec {
     /// [`Kind::Usage`] when the layout does not hold frames of that size.
     pub fn new(layout: Layout, geometry: Geometry) -> Result<Self> {
         let frame_bytes = layout.frame_bytes(geometry)?;
-        Ok(Self {
-            layout,
-            geometry,
-            frame_bytes,
-        })
+        Ok(Self { layout, geometry, frame_bytes })
     }
 
     /// The layout.

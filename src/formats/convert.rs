@@ -29,18 +29,14 @@ impl Crop {
     /// # Errors
     /// [`Kind::Usage`] when the rectangle is empty or leaves the frame.
     pub fn geometry(&self, of: Geometry) -> Result<Geometry> {
-        let inside = |start: usize, len, whole| {
-            len > 0 && start.checked_add(len).is_some_and(|end| end <= whole)
-        };
+        let inside =
+            |start: usize, len, whole| len > 0 && start.checked_add(len).is_some_and(|end| end <= whole);
         let side = |n| u32::try_from(n).unwrap_or(u32::MAX);
         if inside(self.x, self.width, of.width()) && inside(self.y, self.height, of.height()) {
             return Geometry::new(side(self.width), side(self.height));
         }
         Err(Error::new(Kind::Usage, "crop")
-            .found(format_args!(
-                "{}x{} at x {}, y {}",
-                self.width, self.height, self.x, self.y
-            ))
+            .found(format_args!("{}x{} at x {}, y {}", self.width, self.height, self.x, self.y))
             .expected(format_args!("a rectangle of pixels within {of}")))
     }
 
@@ -74,11 +70,7 @@ pub fn convert(
     reader.frames(readouts.clone())?;
     if writer.geometry() != to || writer.readouts() != readouts.len() as u64 {
         return Err(Error::new(Kind::Usage, "output stream")
-            .found(format_args!(
-                "{} readouts of {}",
-                writer.readouts(),
-                writer.geometry()
-            ))
+            .found(format_args!("{} readouts of {}", writer.readouts(), writer.geometry()))
             .expected(format_args!("{} readouts of {to}", readouts.len())));
     }
     let (size, cut_size) = (from.frame_bytes(), to.frame_bytes());
@@ -94,9 +86,7 @@ pub fn convert(
             None => &*packed,
             Some(crop) => {
                 let cut = &mut cut[..frames * cut_size];
-                let pairs = packed
-                    .chunks_exact(size)
-                    .zip(cut.chunks_exact_mut(cut_size));
+                let pairs = packed.chunks_exact(size).zip(cut.chunks_exact_mut(cut_size));
                 pairs.for_each(|(a, b)| crop.cut(from, a, b));
                 &*cut
             }

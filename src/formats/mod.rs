@@ -48,14 +48,8 @@ pub enum Layout {
 
 impl Layout {
     /// Every layout.
-    pub const ALL: [Self; 6] = [
-        Self::Dat,
-        Self::DatTop,
-        Self::Rows416,
-        Self::Rows1024,
-        Self::NpyBits,
-        Self::NpyBytes,
-    ];
+    pub const ALL: [Self; 6] =
+        [Self::Dat, Self::DatTop, Self::Rows416, Self::Rows1024, Self::NpyBits, Self::NpyBytes];
 
     /// The name in arguments and sidecars.
     #[must_use]
@@ -75,14 +69,11 @@ impl Layout {
     /// # Errors
     /// [`Kind::Usage`] when there is none; the error lists all names.
     pub fn parse(name: &str) -> Result<Self> {
-        Self::ALL
-            .into_iter()
-            .find(|l| l.name() == name)
-            .ok_or_else(|| {
-                Error::new(Kind::Usage, "layout")
-                    .found(format_args!("'{name}'"))
-                    .expected(Self::ALL.map(Self::name).join(", "))
-            })
+        Self::ALL.into_iter().find(|l| l.name() == name).ok_or_else(|| {
+            Error::new(Kind::Usage, "layout")
+                .found(format_args!("'{name}'"))
+                .expected(Self::ALL.map(Self::name).join(", "))
+        })
     }
 
     /// The extension, without dot, that files of this layout carry.
@@ -125,12 +116,10 @@ impl Layout {
     /// [`Kind::Usage`] when the layout does not hold frames of that size.
     pub fn frame_bytes(self, geometry: Geometry) -> Result<usize> {
         if let Some(only) = self.fixed_geometry().filter(|&g| g != geometry) {
-            return Err(
-                Error::new(Kind::Usage, format_args!("layout {}", self.name()))
-                    .found(format_args!("a {geometry} stream"))
-                    .expected(format_args!("{only}, the camera whose rows these are"))
-                    .remedy("choose another layout, such as dat"),
-            );
+            return Err(Error::new(Kind::Usage, format_args!("layout {}", self.name()))
+                .found(format_args!("a {geometry} stream"))
+                .expected(format_args!("{only}, the camera whose rows these are"))
+                .remedy("choose another layout, such as dat"));
         }
         Ok(match self {
             Self::Dat | Self::DatTop => geometry.frame_bytes(),

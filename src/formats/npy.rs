@@ -59,13 +59,9 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<Array> {
     if header.order() != npyz::Order::C {
         return Err(bad("Fortran order".into()).remedy("save numpy.ascontiguousarray(a)"));
     }
-    let shape = <[u64; 3]>::try_from(header.shape())
-        .map_err(|_| bad(format!("shape {:?}", header.shape())))?;
-    Ok(Array {
-        shape,
-        is_bool,
-        start,
-    })
+    let shape =
+        <[u64; 3]>::try_from(header.shape()).map_err(|_| bad(format!("shape {:?}", header.shape())))?;
+    Ok(Array { shape, is_bool, start })
 }
 
 /// Finds where the header ends, and refuses what the parser behind could not stand:
@@ -85,9 +81,7 @@ fn vet(bytes: &[u8]) -> Result<usize, &'static str> {
     if len > MAX_HEADER {
         return Err("a header of unlikely length");
     }
-    let text = bytes
-        .get(text_at..text_at + len)
-        .ok_or("a header cut short")?;
+    let text = bytes.get(text_at..text_at + len).ok_or("a header cut short")?;
     let brackets = text.iter().filter(|b| b"([{".contains(b)).count();
     let digits = text.iter().filter(|b| b.is_ascii_digit()).count();
     // Hexadecimal would fit more into as many digits; none of the words of a header has an x.

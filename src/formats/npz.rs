@@ -34,10 +34,7 @@ pub(super) fn read(name: &str, bytes: &[u8]) -> Result<Archive> {
     };
     let mut zip = npyz::zip::ZipArchive::new(Cursor::new(bytes)).map_err(|e| bad(e.to_string()))?;
     let names: Vec<String> = zip.file_names().map(String::from).collect();
-    let Some(key) = ["spk.npy", "arr_0.npy"]
-        .into_iter()
-        .find(|k| names.iter().any(|n| n == k))
-    else {
+    let Some(key) = ["spk.npy", "arr_0.npy"].into_iter().find(|k| names.iter().any(|n| n == k)) else {
         return Err(bad(format!("arrays [{}]", names.join(", "))));
     };
     let mut file = zip.by_name(key).map_err(|e| bad(e.to_string()))?;
@@ -79,9 +76,7 @@ fn read_header(name: &str, file: &mut impl Read) -> Result<npy::Array> {
     };
     // `parse` refuses long headers; it need not be given all of one.
     let mut text = Vec::new();
-    file.take(len.min(1 << 16) as u64)
-        .read_to_end(&mut text)
-        .map_err(io)?;
+    file.take(len.min(1 << 16) as u64).read_to_end(&mut text).map_err(io)?;
     bytes.extend(text);
     npy::parse(name, &bytes)
 }
@@ -104,9 +99,7 @@ fn readouts_first(
     let mut packed = vec![0; size * readouts];
     for (t, packed) in packed.chunks_exact_mut(size).enumerate() {
         file.read_exact(&mut frame).map_err(&io)?;
-        codec
-            .decode(&frame, packed)
-            .map_err(|e| e.within(format_args!("{name}: readout {t}")))?;
+        codec.decode(&frame, packed).map_err(|e| e.within(format_args!("{name}: readout {t}")))?;
     }
     Ok(packed)
 }
@@ -125,17 +118,10 @@ fn readouts_last(
         file.read_exact(&mut times).map_err(&io)?;
         if let Some(t) = times.iter().position(|&value| value > 1) {
             return Err(Error::new(Kind::Input, name)
-                .found(format_args!(
-                    "the value {} at pixel {pixel}, readout {t}",
-                    times[t]
-                ))
+                .found(format_args!("the value {} at pixel {pixel}, readout {t}", times[t]))
                 .expected("0 or 1"));
         }
-        for (frame, _) in packed
-            .chunks_exact_mut(size)
-            .zip(&times)
-            .filter(|(_, value)| **value == 1)
-        {
+        for (frame, _) in packed.chunks_exact_mut(size).zip(&times).filter(|(_, value)| **value == 1) {
             set_bit(frame, pixel);
         }
     }

@@ -55,18 +55,8 @@ impl Reader {
     pub fn open(path: &Path, layout: Option<Layout>, geometry: Option<Geometry>) -> Result<Self> {
         let map = Map::open(path)?;
         let known = layout.is_some() && (geometry.is_some() || layout_tells_geometry(layout));
-        let facts = if known {
-            Facts::default()
-        } else {
-            sidecar::beside(path)?
-        };
-        Self::build(
-            Source::Map(map),
-            path.display().to_string(),
-            layout,
-            geometry,
-            &facts,
-        )
+        let facts = if known { Facts::default() } else { sidecar::beside(path)? };
+        Self::build(Source::Map(map), path.display().to_string(), layout, geometry, &facts)
     }
 
     /// Takes a stream that is already in memory; `name` stands for it in errors.
@@ -114,19 +104,14 @@ impl Reader {
         }
     }
 
-    fn from_raw(
-        source: Source,
-        name: String,
-        layout: Layout,
-        geometry: Option<Geometry>,
-    ) -> Result<Self> {
+    fn from_raw(source: Source, name: String, layout: Layout, geometry: Option<Geometry>) -> Result<Self> {
         let Some(geometry) = geometry.or(layout.fixed_geometry()) else {
             return Err(size::unknown(&name, source.len()));
         };
         let codec = Codec::new(layout, geometry).map_err(|e| e.within(&name))?;
         let (start, readouts) = if layout == Layout::Rows1024 {
-            let start = rows1024::synchronise(&source)
-                .ok_or_else(|| no_frame(&name, &codec, source.len()))?;
+            let start =
+                rows1024::synchronise(&source).ok_or_else(|| no_frame(&name, &codec, source.len()))?;
             (start, (source.len() - start) / codec.frame_bytes())
         } else {
             (0, size::readouts(&name, &codec, source.len())?)
@@ -158,10 +143,7 @@ impl Reader {
         if claims == 0 || claims != data as u64 {
             return Err(Error::new(Kind::Input, name)
                 .found(format_args!("{data} bytes behind the header"))
-                .expected(format_args!(
-                    "{claims}, at least one frame, for its shape {:?}",
-                    array.shape
-                ))
+                .expected(format_args!("{claims}, at least one frame, for its shape {:?}", array.shape))
                 .remedy("the file was cut short or is still being written"));
         }
         Ok(Self {
@@ -289,10 +271,7 @@ impl Reader {
     fn file_range(&self, readouts: Range<usize>) -> Result<Range<usize>> {
         if readouts.start > readouts.end || readouts.end > self.readouts {
             return Err(Error::new(Kind::Usage, &self.name)
-                .found(format_args!(
-                    "readouts {}..{}",
-                    readouts.start, readouts.end
-                ))
+                .found(format_args!("readouts {}..{}", readouts.start, readouts.end))
                 .expected(format_args!("a range within 0..{}", self.readouts)));
         }
         let at = |readout| self.start + readout * self.codec.frame_bytes();
@@ -341,14 +320,11 @@ fn npy_meaning(
     geometry: Option<Geometry>,
 ) -> Result<(Layout, Geometry)> {
     let [_, height, last] = array.shape;
-    let shape_is =
-        |g: Geometry, last_of_g: usize| (g.height() as u64, last_of_g as u64) == (height, last);
+    let shape_is = |g: Geometry, last_of_g: usize| (g.height() as u64, last_of_g as u64) == (height, last);
     let layout = layout.unwrap_or_else(|| match geometry {
         // A row of bytes as long as the camera's row of bits can only be packed. One pixel a
         // row reads the same either way.
-        Some(g) if !array.is_bool && g.width() > 1 && shape_is(g, g.width().div_ceil(8)) => {
-            Layout::NpyBits
-        }
+        Some(g) if !array.is_bool && g.width() > 1 && shape_is(g, g.width().div_ceil(8)) => Layout::NpyBits,
         _ => Layout::NpyBytes,
     });
     if layout == Layout::NpyBits && array.is_bool {

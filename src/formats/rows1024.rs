@@ -37,11 +37,8 @@ fn tag(half: &[u8]) -> (u16, u16) {
 
 /// The tag this project writes for a half row.
 fn tag_of(row: usize, half: usize) -> u16 {
-    let (line, channel) = if row < SIDE / 2 {
-        (SIDE / 2 - row, half)
-    } else {
-        (row + 1 - SIDE / 2, half + 2)
-    };
+    let (line, channel) =
+        if row < SIDE / 2 { (SIDE / 2 - row, half) } else { (row + 1 - SIDE / 2, half + 2) };
     (channel << 14 | line << 4) as u16
 }
 
@@ -53,24 +50,17 @@ pub(super) fn is_framed(file: &[u8]) -> bool {
 /// Whether all tags are possible. Pixels look like the first tag once in 4,096 places,
 /// so finding that one alone would lock onto pictures.
 fn is_frame(file: &[u8]) -> bool {
-    is_framed(file)
-        && file
-            .chunks_exact(HALF)
-            .all(|h| (1..=500).contains(&tag(h).0))
+    is_framed(file) && file.chunks_exact(HALF).all(|h| (1..=500).contains(&tag(h).0))
 }
 
 /// The offset of the first whole frame.
 pub(super) fn synchronise(bytes: &[u8]) -> Option<usize> {
     let last = bytes.len().checked_sub(FRAME)?.min(SEARCH);
-    (0..=last)
-        .step_by(STEP)
-        .find(|&at| is_frame(&bytes[at..at + FRAME]))
+    (0..=last).step_by(STEP).find(|&at| is_frame(&bytes[at..at + FRAME]))
 }
 
 pub(super) fn encode(packed: &[u8], file: &mut [u8]) {
-    let rows = packed
-        .chunks_exact(ROW)
-        .zip(file.chunks_exact_mut(2 * HALF));
+    let rows = packed.chunks_exact(ROW).zip(file.chunks_exact_mut(2 * HALF));
     for (row, (pixels, out)) in rows.enumerate() {
         for (half, out) in out.chunks_exact_mut(HALF).enumerate() {
             copy_bits(out, 0, pixels, half * HALF_PIXELS, HALF_PIXELS);
@@ -82,9 +72,7 @@ pub(super) fn encode(packed: &[u8], file: &mut [u8]) {
 }
 
 pub(super) fn decode(file: &[u8], packed: &mut [u8]) {
-    let rows = file
-        .chunks_exact(2 * HALF)
-        .zip(packed.chunks_exact_mut(ROW));
+    let rows = file.chunks_exact(2 * HALF).zip(packed.chunks_exact_mut(ROW));
     for (row, pixels) in rows {
         copy_bits(pixels, 0, row, 0, HALF_PIXELS);
         copy_bits(pixels, HALF_PIXELS, row, HALF * 8, HALF_PIXELS);
@@ -97,13 +85,8 @@ mod tests {
 
     #[test]
     fn every_tag_is_written_once_and_the_ends_are_the_cameras() {
-        let mut tags: Vec<u16> = (0..SIDE)
-            .flat_map(|row| [tag_of(row, 0), tag_of(row, 1)])
-            .collect();
-        assert_eq!(
-            (tags[0], tags[2 * SIDE - 1]),
-            (500 << 4, 3 << 14 | 500 << 4)
-        );
+        let mut tags: Vec<u16> = (0..SIDE).flat_map(|row| [tag_of(row, 0), tag_of(row, 1)]).collect();
+        assert_eq!((tags[0], tags[2 * SIDE - 1]), (500 << 4, 3 << 14 | 500 << 4));
         tags.sort_unstable();
         tags.dedup();
         assert_eq!(tags.len(), 2 * SIDE);

@@ -41,10 +41,7 @@ pub(super) fn beside(path: &Path) -> Result<Facts> {
 /// `STEM.json`; the clean twin `STEM.clean.dat` shares it with `STEM.dat`.
 fn candidates(path: &Path) -> Vec<PathBuf> {
     let mut found = vec![path.with_extension("json")];
-    let stem = path
-        .file_stem()
-        .and_then(|s| s.to_str())
-        .unwrap_or_default();
+    let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
     if let Some(stem) = stem.strip_suffix(".clean") {
         found.push(path.with_file_name(format!("{stem}.json")));
     }
@@ -81,11 +78,7 @@ fn parse(name: &str, text: &[u8]) -> Result<Facts> {
         Some(name) => Some(Layout::parse(&name).map_err(|_| bad(format!("layout '{name}'")))?),
         None => None,
     };
-    Ok(Facts {
-        geometry,
-        layout,
-        readouts: keys.readouts,
-    })
+    Ok(Facts { geometry, layout, readouts: keys.readouts })
 }
 
 #[cfg(test)]
@@ -94,11 +87,7 @@ mod tests {
 
     #[test]
     fn unknown_keys_are_left_alone_and_wrong_ones_refused() {
-        let facts = parse(
-            "s",
-            br#"{"width":8,"height":2,"layout":"dat-top","x":[{}]}"#,
-        )
-        .unwrap();
+        let facts = parse("s", br#"{"width":8,"height":2,"layout":"dat-top","x":[{}]}"#).unwrap();
         assert_eq!(facts.geometry, Geometry::new(8, 2).ok());
         assert_eq!(facts.layout, Some(Layout::DatTop));
         assert_eq!(facts.readouts, None);

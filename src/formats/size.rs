@@ -29,11 +29,7 @@ pub(super) fn mismatch(name: &str, codec: &Codec, data: usize) -> Error {
     let error = if data == 0 {
         error.found("an empty file, 0 bytes")
     } else {
-        error.found(format_args!(
-            "{data} bytes ({} whole frames and {} bytes)",
-            data / frame,
-            data % frame
-        ))
+        error.found(format_args!("{data} bytes ({} whole frames and {} bytes)", data / frame, data % frame))
     };
     error
         .expected(format_args!(
@@ -47,9 +43,7 @@ pub(super) fn mismatch(name: &str, codec: &Codec, data: usize) -> Error {
 /// The error for a file of which nothing tells the size of a frame.
 pub(super) fn unknown(name: &str, data: usize) -> Error {
     Error::new(Kind::Usage, name)
-        .found(format_args!(
-            "{data} bytes and no sidecar that gives width and height"
-        ))
+        .found(format_args!("{data} bytes and no sidecar that gives width and height"))
         .expected("width and height of the camera")
         .remedy(remedy(data, None))
 }
@@ -59,10 +53,7 @@ fn remedy(data: usize, tried: Option<Codec>) -> String {
     if hints.is_empty() {
         return "check width, height and layout, or whether the file was cut short".into();
     }
-    format!(
-        "give the width, height and layout it was written with: {}",
-        hints.join("; ")
-    )
+    format!("give the width, height and layout it was written with: {}", hints.join("; "))
 }
 
 fn hints(data: usize, tried: Option<Codec>) -> Vec<String> {

@@ -61,14 +61,7 @@ impl StreamWriter {
         writer.write_all(&header)?;
         let mut digest = Digest::new();
         digest.update(&header);
-        Ok(Self {
-            writer,
-            codec,
-            digest,
-            start: header.len() as u64,
-            readouts,
-            written: 0,
-        })
+        Ok(Self { writer, codec, digest, start: header.len() as u64, readouts, written: 0 })
     }
 
     /// Width and height.
@@ -117,9 +110,7 @@ impl StreamWriter {
         for piece in packed.chunks(step * size) {
             let frames = piece.len() / size;
             let offset = self.start + self.written * self.codec.frame_bytes() as u64;
-            let window = self
-                .writer
-                .window(offset, frames * self.codec.frame_bytes())?;
+            let window = self.writer.window(offset, frames * self.codec.frame_bytes())?;
             self.codec.encode(piece, window)?;
             self.digest.update(window);
             self.written += frames as u64;
@@ -139,11 +130,6 @@ impl StreamWriter {
                 .expected(format_args!("{} before the end", self.readouts)));
         }
         let done = self.writer.finish()?;
-        Ok(Finished {
-            path: done.path,
-            bytes: done.bytes,
-            digest: self.digest.text(),
-            sync: done.sync,
-        })
+        Ok(Finished { path: done.path, bytes: done.bytes, digest: self.digest.text(), sync: done.sync })
     }
 }

@@ -50,12 +50,7 @@ impl Chart {
                 .found(geometry)
                 .expected("at least 16x16 pixels"));
         }
-        Ok(Self {
-            geometry,
-            rate,
-            frames,
-            next: 0,
-        })
+        Ok(Self { geometry, rate, frames, next: 0 })
     }
 
     /// Rows and columns (both half open) of step `step` of the wedge.
@@ -114,13 +109,8 @@ impl Source for Chart {
     }
 
     fn describe(&self) -> String {
-        let frames = self
-            .frames
-            .map_or("endless".into(), |n| format!("{n} frames"));
-        format!(
-            "built-in test chart, {}, {frames} at {} per second",
-            self.geometry, self.rate
-        )
+        let frames = self.frames.map_or("endless".into(), |n| format!("{n} frames"));
+        format!("built-in test chart, {}, {frames} at {} per second", self.geometry, self.rate)
     }
 }
 

@@ -46,10 +46,7 @@ impl Process {
         // Read on a thread of its own: a full pipe of complaints would stop ffmpeg, and then us.
         let complaints = std::thread::spawn(move || {
             let mut last = VecDeque::new();
-            for line in stderr
-                .into_iter()
-                .flat_map(|s| BufReader::new(s).split(b'\n'))
-            {
+            for line in stderr.into_iter().flat_map(|s| BufReader::new(s).split(b'\n')) {
                 let Ok(line) = line else { break };
                 if last.len() == LAST_LINES {
                     last.pop_front();
@@ -58,29 +55,19 @@ impl Process {
             }
             last
         });
-        Ok(Self {
-            path: path.to_owned(),
-            child,
-            complaints: Some(complaints),
-        })
+        Ok(Self { path: path.to_owned(), child, complaints: Some(complaints) })
     }
 
     /// Waits for the end and says whether it was a good one.
     fn finish(&mut self) -> Result<()> {
-        let status = self
-            .child
-            .wait()
-            .map_err(|e| Error::io("waiting for ffmpeg", e))?;
+        let status = self.child.wait().map_err(|e| Error::io("waiting for ffmpeg", e))?;
         let complaints = self.complaints.take().and_then(|c| c.join().ok());
         if status.success() {
             return Ok(());
         }
         let lines: Vec<_> = complaints.unwrap_or_default().into();
         Err(Error::new(Kind::Tool, self.path.display())
-            .found(format_args!(
-                "ffmpeg ended with {status}: {}",
-                lines.join(" | ")
-            ))
+            .found(format_args!("ffmpeg ended with {status}: {}", lines.join(" | ")))
             .expected("a video that ffmpeg can decode")
             .remedy("try to play it with ffplay"))
     }
@@ -104,9 +91,7 @@ fn missing(program: &str, error: std::io::Error) -> Error {
             .expected("ffmpeg, which decodes video")
             .remedy("install it (apt install ffmpeg, brew install ffmpeg), or give a .y4m file or a folder of images");
     }
-    Error::new(Kind::Tool, program)
-        .found(error)
-        .expected("ffmpeg, which decodes video")
+    Error::new(Kind::Tool, program).found(error).expected("ffmpeg, which decodes video")
 }
 
 /// A video that ffmpeg decodes, as frames at the camera's size.
@@ -122,12 +107,7 @@ impl Decoded {
     /// # Errors
     /// [`Kind::Io`] when the file cannot be read, [`Kind::Tool`] when ffmpeg is missing or cannot decode
     /// it; otherwise as [`crate::light::y4m::Reader::new`].
-    pub fn open(
-        path: &Path,
-        camera: Geometry,
-        fit: Fit,
-        transfer: Option<Transfer>,
-    ) -> Result<Self> {
+    pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>) -> Result<Self> {
         Self::open_with("ffmpeg", path, camera, fit, transfer)
     }
 
@@ -153,11 +133,7 @@ impl Decoded {
                 .ok_or_else(|| Error::new(Kind::Tool, program).found("no output pipe"))?,
         );
         // An ffmpeg that fails writes nothing at all, and its own words say more than ours.
-        if output
-            .fill_buf()
-            .map_err(|e| Error::io(&name, e))?
-            .is_empty()
-        {
+        if output.fill_buf().map_err(|e| Error::io(&name, e))?.is_empty() {
             process.finish()?;
             return Err(Error::new(Kind::Tool, name)
                 .found("no picture from ffmpeg")
@@ -165,11 +141,7 @@ impl Decoded {
         }
         let output: Box<dyn Read + Send> = Box::new(output);
         let video = Video::with_matrix(output, &name, camera, fit, transfer, Some(Matrix::Bt709))?;
-        Ok(Self {
-            video,
-            process,
-            over: false,
-        })
+        Ok(Self { video, process, over: false })
     }
 }
 

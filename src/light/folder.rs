@@ -27,27 +27,18 @@ impl Folder {
     /// # Errors
     /// [`Kind::Io`] when it cannot be listed; [`Kind::Input`] when there is no image, one cannot be
     /// read, their sizes differ, or [`Fit::Crop`] finds them too small.
-    pub fn open(
-        folder: &Path,
-        camera: Geometry,
-        fit: Fit,
-        transfer: Option<Transfer>,
-    ) -> Result<Self> {
+    pub fn open(folder: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>) -> Result<Self> {
         let (files, ignored) = list(folder)?;
         let Some(first) = files.first() else {
             return Err(Error::new(Kind::Input, folder.display())
                 .found(format_args!("no image among {ignored} entries"))
-                .expected(format_args!(
-                    "files named {}",
-                    picture::EXTENSIONS.join(", ")
-                )));
+                .expected(format_args!("files named {}", picture::EXTENSIONS.join(", "))));
         };
         let size = picture::size(first)?;
         for file in &files[1..] {
             same_size(file, picture::size(file)?, first, size)?;
         }
-        fit.check(size, camera)
-            .map_err(|e| e.within(folder.display()))?;
+        fit.check(size, camera).map_err(|e| e.within(folder.display()))?;
         Ok(Self {
             folder: folder.to_owned(),
             files,
@@ -95,9 +86,7 @@ fn list(folder: &Path) -> Result<(Vec<PathBuf>, usize)> {
 }
 
 fn name(path: &Path) -> String {
-    path.file_name()
-        .map(|n| n.to_string_lossy().into_owned())
-        .unwrap_or_default()
+    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 impl Source for Folder {

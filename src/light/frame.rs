@@ -68,10 +68,7 @@ impl Frame {
     /// A frame without light; the thing to hand to [`Source::next_frame`] first.
     #[must_use]
     pub fn dark(geometry: Geometry) -> Self {
-        Self {
-            geometry,
-            samples: Samples::U8(vec![0; geometry.pixels()]),
-        }
+        Self { geometry, samples: Samples::U8(vec![0; geometry.pixels()]) }
     }
 
     /// Width and height.
@@ -136,25 +133,17 @@ impl Frame {
     pub fn blend(a: &Self, b: &Self, weight: f32) -> Result<Self> {
         if a.geometry != b.geometry || !(0.0..=1.0).contains(&weight) {
             return Err(Error::new(Kind::Usage, "interpolated frame")
-                .found(format_args!(
-                    "{} and {} at weight {weight}",
-                    a.geometry, b.geometry
-                ))
+                .found(format_args!("{} and {} at weight {weight}", a.geometry, b.geometry))
                 .expected("two frames of one size and a weight from 0 to 1"));
         }
         let mix = |x: f32, y: f32| x + weight * (y - x);
         let samples = if let (Some(x), Some(y)) = (a.wide(), b.wide()) {
-            Samples::U16(zip(&x, &y, |x, y| {
-                (mix(f32::from(x), f32::from(y)) + 0.5) as u16
-            }))
+            Samples::U16(zip(&x, &y, |x, y| (mix(f32::from(x), f32::from(y)) + 0.5) as u16))
         } else {
             // Rounding may carry a value of nearly zero below it; light is not negative.
             Samples::F32(zip(&a.to_f32(), &b.to_f32(), |x, y| mix(x, y).max(0.0)))
         };
-        Ok(Self {
-            geometry: a.geometry,
-            samples,
-        })
+        Ok(Self { geometry: a.geometry, samples })
     }
 
     /// Integer samples at 16 bits.
@@ -187,12 +176,10 @@ fn check_light(geometry: Geometry, values: &[f32]) -> Result<()> {
         return Ok(());
     };
     let (row, col) = (p / geometry.width(), p % geometry.width());
-    Err(
-        Error::new(Kind::Input, format_args!("pixel row {row}, col {col}"))
-            .found(values[p])
-            .expected("light that is finite and not negative")
-            .remedy("clean the input before it is simulated"),
-    )
+    Err(Error::new(Kind::Input, format_args!("pixel row {row}, col {col}"))
+        .found(values[p])
+        .expected("light that is finite and not negative")
+        .remedy("clean the input before it is simulated"))
 }
 
 /// Frames of linear light at the camera's size, one after the other.

@@ -26,12 +26,7 @@ pub struct Motion {
 
 impl Default for Motion {
     fn default() -> Self {
-        Self {
-            pan: [0.0; 2],
-            pan_per_frame: false,
-            zoom: 1.0,
-            rotate: 0.0,
-        }
+        Self { pan: [0.0; 2], pan_per_frame: false, zoom: 1.0, rotate: 0.0 }
     }
 }
 
@@ -44,9 +39,7 @@ impl FromStr for Motion {
         let bad = || {
             Error::new(Kind::Usage, "motion")
                 .found(format_args!("`{text}`"))
-                .expected(
-                    "such as pan=120,0 or pan=0.5,0/frame, zoom=1.2, rotate=30, joined by `:`",
-                )
+                .expected("such as pan=120,0 or pan=0.5,0/frame, zoom=1.2, rotate=30, joined by `:`")
         };
         let mut motion = Self::default();
         let mut seen = Vec::new();
@@ -91,11 +84,7 @@ impl Motion {
     /// None for a valid picture; a [`Frame`] checks itself.
     pub fn view(&self, picture: &Frame, camera: Geometry, rate: Rate, index: u64) -> Result<Frame> {
         let seconds = index as f64 / rate.hz();
-        let steps = if self.pan_per_frame {
-            index as f64
-        } else {
-            seconds
-        };
+        let steps = if self.pan_per_frame { index as f64 } else { seconds };
         let middle = |of: Geometry| [of.width() as f64 / 2.0, of.height() as f64 / 2.0];
         let (eye, centre) = (middle(camera), middle(picture.geometry()));
         let shrink = libm::pow(self.zoom, -seconds);
@@ -110,20 +99,12 @@ impl Motion {
         };
         let of = picture.geometry();
         let samples = match picture.samples() {
-            Samples::U8(v) => Samples::U16(sampled(
-                camera,
-                of,
-                at,
-                |p| f32::from(v[p]) * 257.0,
-                |x| (x + 0.5) as u16,
-            )),
-            Samples::U16(v) => Samples::U16(sampled(
-                camera,
-                of,
-                at,
-                |p| f32::from(v[p]),
-                |x| (x + 0.5) as u16,
-            )),
+            Samples::U8(v) => {
+                Samples::U16(sampled(camera, of, at, |p| f32::from(v[p]) * 257.0, |x| (x + 0.5) as u16))
+            }
+            Samples::U16(v) => {
+                Samples::U16(sampled(camera, of, at, |p| f32::from(v[p]), |x| (x + 0.5) as u16))
+            }
             Samples::F32(v) => Samples::F32(sampled(camera, of, at, |p| v[p], |x| x.max(0.0))),
         };
         Frame::new(camera, samples)
@@ -152,8 +133,7 @@ fn bilinear(of: Geometry, x: f64, y: f64, light: &impl Fn(usize) -> f32) -> f32 
     let (left, top) = (libm::floor(x), libm::floor(y));
     let (fx, fy) = ((x - left) as f32, (y - top) as f32);
     let cols = [left as i64, (left as i64).saturating_add(1)].map(|c| mirror(c, of.width()));
-    let rows =
-        [top as i64, (top as i64).saturating_add(1)].map(|r| mirror(r, of.height()) * of.width());
+    let rows = [top as i64, (top as i64).saturating_add(1)].map(|r| mirror(r, of.height()) * of.width());
     let [upper, lower] = rows.map(|row| {
         let (a, b) = (light(row + cols[0]), light(row + cols[1]));
         a + fx * (b - a)

@@ -112,8 +112,7 @@ impl<R: Read> Reader<R> {
     #[must_use]
     pub const fn total_bytes(&self) -> u64 {
         let frame = self.geometry.pixels() as u64 * self.element.bytes() as u64;
-        self.header_bytes
-            .saturating_add(self.frames.saturating_mul(frame))
+        self.header_bytes.saturating_add(self.frames.saturating_mul(frame))
     }
 
     /// The elements of the next frame, or `None` after the last one.
@@ -127,15 +126,11 @@ impl<R: Read> Reader<R> {
         let wanted = self.geometry.pixels() * self.element.bytes();
         // `take` grows the buffer with what comes, so a false header cannot ask for memory.
         let mut bytes = Vec::new();
-        self.reader
-            .by_ref()
-            .take(wanted as u64)
-            .read_to_end(&mut bytes)
-            .map_err(|e| match e.kind() {
-                // What a compressed archive says of its own bytes.
-                ErrorKind::InvalidData => damaged(&self.name, e),
-                _ => Error::io(&self.name, e),
-            })?;
+        self.reader.by_ref().take(wanted as u64).read_to_end(&mut bytes).map_err(|e| match e.kind() {
+            // What a compressed archive says of its own bytes.
+            ErrorKind::InvalidData => damaged(&self.name, e),
+            _ => Error::io(&self.name, e),
+        })?;
         if bytes.len() < wanted {
             return Err(cut_short(&self.name, self.next, self.frames));
         }
@@ -147,19 +142,11 @@ impl<R: Read> Reader<R> {
         match self.element {
             Element::U8 => Samples::U8(bytes),
             Element::U16 => {
-                let order = if self.big_endian {
-                    u16::from_be_bytes
-                } else {
-                    u16::from_le_bytes
-                };
+                let order = if self.big_endian { u16::from_be_bytes } else { u16::from_le_bytes };
                 Samples::U16(bytes.as_chunks().0.iter().map(|b| order(*b)).collect())
             }
             Element::F32 => {
-                let order = if self.big_endian {
-                    f32::from_be_bytes
-                } else {
-                    f32::from_le_bytes
-                };
+                let order = if self.big_endian { f32::from_be_bytes } else { f32::from_le_bytes };
                 Samples::F32(bytes.as_chunks().0.iter().map(|b| order(*b)).collect())
             }
         }
@@ -200,10 +187,7 @@ fn header_bytes(reader: &mut impl Read, name: &str) -> Result<Vec<u8>> {
     }
     let field = if bytes[6] == 1 { 2 } else { 4 };
     fetch(reader, &mut bytes, field)?;
-    let length = bytes[8..]
-        .iter()
-        .rev()
-        .fold(0, |n, b| n << 8 | usize::from(*b));
+    let length = bytes[8..].iter().rev().fold(0, |n, b| n << 8 | usize::from(*b));
     if length > LONGEST {
         return Err(damaged(name, format_args!("a header of {length} bytes")));
     }
@@ -271,12 +255,7 @@ impl Array {
     ///
     /// # Errors
     /// As [`Array::from_reader`]; [`Kind::Input`] too when the file ends before its array does.
-    pub fn open(
-        path: &Path,
-        camera: Geometry,
-        fit: Fit,
-        transfer: Option<Transfer>,
-    ) -> Result<Self> {
+    pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>) -> Result<Self> {
         let name = path.display().to_string();
         let file = std::fs::File::open(path).map_err(|e| Error::io(&name, e))?;
         let about = file.metadata().map_err(|e| Error::io(&name, e))?;
@@ -308,20 +287,12 @@ impl Array {
         let transfer = transfer.unwrap_or(Transfer::Linear);
         if reader.element() == Element::F32 && transfer != Transfer::Linear {
             return Err(Error::new(Kind::Usage, name)
-                .found(format_args!(
-                    "transfer function {transfer} for an f32 array"
-                ))
+                .found(format_args!("transfer function {transfer} for an f32 array"))
                 .expected("linear, as f32 always is")
                 .remedy("leave the transfer function out"));
         }
-        fit.check(reader.geometry(), camera)
-            .map_err(|e| e.within(name))?;
-        Ok(Self {
-            reader,
-            curve: Curve::new(transfer),
-            fit,
-            camera,
-        })
+        fit.check(reader.geometry(), camera).map_err(|e| e.within(name))?;
+        Ok(Self { reader, curve: Curve::new(transfer), fit, camera })
     }
 
     fn linear(&self, samples: Samples) -> Samples {
@@ -368,9 +339,6 @@ impl Source for Array {
 
     fn describe(&self) -> String {
         let r = &self.reader;
-        format!(
-            "{}: {} frames of {}, {:?}",
-            r.name, r.frames, r.geometry, r.element
-        )
+        format!("{}: {} frames of {}, {:?}", r.name, r.frames, r.geometry, r.element)
     }
 }

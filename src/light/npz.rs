@@ -34,11 +34,7 @@ pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>)
     let arrays: Vec<String> = archive.array_names().map(str::to_owned).collect();
     let [array] = &arrays[..] else {
         return Err(Error::new(Kind::Input, name)
-            .found(format_args!(
-                "{} arrays: {}",
-                arrays.len(),
-                arrays.join(", ")
-            ))
+            .found(format_args!("{} arrays: {}", arrays.len(), arrays.join(", ")))
             .expected("exactly one array")
             .remedy("save the frames alone, as .npy or .npz"));
     };
@@ -46,11 +42,7 @@ pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>)
     let subject = format!("{name}: {array}");
     let (sender, receiver) = sync_channel(4);
     std::thread::spawn(move || unpack(archive, &entry, &sender));
-    let blocks = Blocks {
-        receiver,
-        block: Vec::new(),
-        used: 0,
-    };
+    let blocks = Blocks { receiver, block: Vec::new(), used: 0 };
     Array::from_reader(Box::new(blocks), &subject, camera, fit, transfer)
 }
 

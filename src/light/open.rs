@@ -14,8 +14,8 @@ use crate::spikes::Geometry;
 
 /// Endings of files that are handed to ffmpeg.
 const VIDEO: [&str; 16] = [
-    "mp4", "mkv", "mov", "avi", "webm", "m4v", "mpg", "mpeg", "ts", "mts", "wmv", "flv", "ogv",
-    "3gp", "gif", "mxf",
+    "mp4", "mkv", "mov", "avi", "webm", "m4v", "mpg", "mpeg", "ts", "mts", "wmv", "flv", "ogv", "3gp", "gif",
+    "mxf",
 ];
 
 const SUPPORTED: &str = "a folder of images, a PNG, JPEG, TIFF or EXR image, .npy, .npz, .y4m, \
@@ -38,12 +38,7 @@ impl Options {
     /// Everything by default, for a camera of this size.
     #[must_use]
     pub const fn new(camera: Geometry) -> Self {
-        Self {
-            camera,
-            fit: Fit::Resize,
-            transfer: None,
-            moving: None,
-        }
+        Self { camera, fit: Fit::Resize, transfer: None, moving: None }
     }
 }
 
@@ -100,20 +95,12 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Source>> {
 /// # Errors
 /// [`Kind::Input`] when it is neither; [`Kind::Usage`] when a motion is asked of it; otherwise as the source
 /// of its kind.
-pub fn open_reader(
-    reader: Box<dyn Read + Send>,
-    name: &str,
-    options: &Options,
-) -> Result<Box<dyn Source>> {
+pub fn open_reader(reader: Box<dyn Read + Send>, name: &str, options: &Options) -> Result<Box<dyn Source>> {
     no_motion(name, options)?;
     let (camera, fit, transfer) = (options.camera, options.fit, options.transfer);
     let mut reader = BufReader::new(reader);
     // A pipe may hand over a single byte at first, and one is enough to decide.
-    let first = reader
-        .fill_buf()
-        .map_err(|e| Error::io(name, e))?
-        .first()
-        .copied();
+    let first = reader.fill_buf().map_err(|e| Error::io(name, e))?.first().copied();
     if first == npy::MAGIC.first().copied() {
         let array = Array::from_reader(Box::new(reader), name, camera, fit, transfer)?;
         return Ok(Box::new(array));
@@ -123,11 +110,7 @@ pub fn open_reader(
         return Ok(Box::new(video));
     }
     Err(Error::new(Kind::Input, name)
-        .found(if first.is_none() {
-            "nothing"
-        } else {
-            "other data"
-        })
+        .found(if first.is_none() { "nothing" } else { "other data" })
         .expected("a y4m video or a NumPy array")
         .remedy("pipe a video through ffmpeg -i FILE -pix_fmt yuv444p -f yuv4mpegpipe -"))
 }

@@ -53,9 +53,7 @@ pub fn is_picture(path: &Path) -> bool {
 /// # Errors
 /// As [`read`].
 pub fn size(path: &Path) -> Result<Geometry> {
-    let (width, height) = reader(path)?
-        .into_dimensions()
-        .map_err(|e| undecodable(path, e))?;
+    let (width, height) = reader(path)?.into_dimensions().map_err(|e| undecodable(path, e))?;
     let name = path.display().to_string();
     stored_size(width.into(), height.into(), &name)
 }
@@ -81,9 +79,7 @@ fn reader(path: &Path) -> Result<ImageReader<std::io::BufReader<std::fs::File>>>
 
 fn undecodable(path: &Path, error: ImageError) -> Error {
     match error {
-        ImageError::IoError(e)
-            if !matches!(e.kind(), ErrorKind::UnexpectedEof | ErrorKind::InvalidData) =>
-        {
+        ImageError::IoError(e) if !matches!(e.kind(), ErrorKind::UnexpectedEof | ErrorKind::InvalidData) => {
             Error::io(path.display(), e)
         }
         other => Error::new(Kind::Input, path.display())

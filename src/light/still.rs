@@ -24,26 +24,11 @@ impl Still {
     ///
     /// # Errors
     /// As [`picture::read`] and [`Fit::apply`].
-    pub fn open(
-        path: &Path,
-        camera: Geometry,
-        fit: Fit,
-        transfer: Option<Transfer>,
-    ) -> Result<Self> {
+    pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>) -> Result<Self> {
         let read = picture::read(path, &Linear::new(transfer))?;
         let size = read.geometry();
-        let picture = fit
-            .apply(read, camera)
-            .map_err(|e| e.within(path.display()))?;
-        Ok(Self {
-            path: path.to_owned(),
-            size,
-            camera,
-            picture,
-            moving: None,
-            frames: 1,
-            next: 0,
-        })
+        let picture = fit.apply(read, camera).map_err(|e| e.within(path.display()))?;
+        Ok(Self { path: path.to_owned(), size, camera, picture, moving: None, frames: 1, next: 0 })
     }
 
     /// Reads a picture over which the camera moves for `frames` frames at `rate`.
@@ -58,15 +43,11 @@ impl Still {
         (motion, rate, frames): (Motion, Rate, u64),
     ) -> Result<Self> {
         if frames == 0 {
-            return Err(Error::new(Kind::Usage, "frames of motion")
-                .found(0)
-                .expected("at least 1"));
+            return Err(Error::new(Kind::Usage, "frames of motion").found(0).expected("at least 1"));
         }
         let read = picture::read(path, &Linear::new(transfer))?;
         let size = read.geometry();
-        let picture = fit
-            .whole(read, camera)
-            .map_err(|e| e.within(path.display()))?;
+        let picture = fit.whole(read, camera).map_err(|e| e.within(path.display()))?;
         Ok(Self {
             path: path.to_owned(),
             size,

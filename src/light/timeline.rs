@@ -27,10 +27,7 @@ impl Rate {
             return Err(bad_rate(&format!("{num}/{den}")));
         }
         let g = gcd(num, den);
-        Ok(Self {
-            num: num / g,
-            den: den / g,
-        })
+        Ok(Self { num: num / g, den: den / g })
     }
 
     /// Numerator and denominator in lowest terms.
@@ -66,12 +63,7 @@ impl FromStr for Rate {
     fn from_str(text: &str) -> Result<Self> {
         let bad = || bad_rate(text);
         let digits = |s: &str| s.parse::<u64>().map_err(|_| bad());
-        for (name, thousands) in [
-            ("23.976", 24),
-            ("29.97", 30),
-            ("59.94", 60),
-            ("119.88", 120),
-        ] {
+        for (name, thousands) in [("23.976", 24), ("29.97", 30), ("59.94", 60), ("119.88", 120)] {
             if text == name {
                 return Self::new(thousands * 1000, 1001);
             }
@@ -85,20 +77,14 @@ impl FromStr for Rate {
         }
         let den = 10_u64.pow(part.len() as u32);
         let tail = if part.is_empty() { 0 } else { digits(part)? };
-        let num = digits(whole)?
-            .checked_mul(den)
-            .and_then(|n| n.checked_add(tail));
+        let num = digits(whole)?.checked_mul(den).and_then(|n| n.checked_add(tail));
         Self::new(num.ok_or_else(bad)?, den).map_err(|_| bad())
     }
 }
 
 impl std::fmt::Display for Rate {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        if self.den == 1 {
-            write!(f, "{}", self.num)
-        } else {
-            write!(f, "{}/{}", self.num, self.den)
-        }
+        if self.den == 1 { write!(f, "{}", self.num) } else { write!(f, "{}/{}", self.num, self.den) }
     }
 }
 
@@ -159,11 +145,7 @@ impl Timeline {
     /// The first frame for every readout, however many.
     #[must_use]
     pub const fn still() -> Self {
-        Self {
-            num: 0,
-            den: 1,
-            insertion: Insertion::Hold,
-        }
+        Self { num: 0, den: 1, insertion: Insertion::Hold }
     }
 
     /// Each frame for `readouts` readouts.
@@ -172,15 +154,9 @@ impl Timeline {
     /// [`Kind::Usage`] for zero.
     pub fn per_frame(readouts: u64, insertion: Insertion) -> Result<Self> {
         if readouts == 0 {
-            return Err(Error::new(Kind::Usage, "readouts per frame")
-                .found(0)
-                .expected("at least 1"));
+            return Err(Error::new(Kind::Usage, "readouts per frame").found(0).expected("at least 1"));
         }
-        Ok(Self {
-            num: 1,
-            den: readouts,
-            insertion,
-        })
+        Ok(Self { num: 1, den: readouts, insertion })
     }
 
     /// Frames at `source` per second, readouts at `readout` per second. A
@@ -193,11 +169,7 @@ impl Timeline {
         let den = u128::from(source.den) * u128::from(readout.num);
         let g = gcd128(num, den);
         match (u64::try_from(num / g), u64::try_from(den / g)) {
-            (Ok(num), Ok(den)) => Ok(Self {
-                num,
-                den,
-                insertion,
-            }),
+            (Ok(num), Ok(den)) => Ok(Self { num, den, insertion }),
             _ => Err(Error::new(Kind::Usage, "frame and readout rates")
                 .found(format_args!("{source} and {readout} per second"))
                 .expected("a ratio of two 64-bit numbers")
@@ -225,11 +197,7 @@ impl Timeline {
             Insertion::Hold => 0,
             Insertion::Linear => (position % den) as u64,
         };
-        Moment {
-            frame,
-            part,
-            of: self.den,
-        }
+        Moment { frame, part, of: self.den }
     }
 
     /// As [`Timeline::at`], for a source of `frames` frames whose last one stays.
@@ -238,20 +206,10 @@ impl Timeline {
     /// [`Kind::Input`] when there are no frames.
     pub fn at_end(&self, readout: u64, frames: u64) -> Result<Moment> {
         let last = frames.checked_sub(1).ok_or_else(|| {
-            Error::new(Kind::Input, "frames of light")
-                .found("none")
-                .expected("at least one frame")
+            Error::new(Kind::Input, "frames of light").found("none").expected("at least one frame")
         })?;
         let moment = self.at(readout);
-        Ok(if moment.frame >= last {
-            Moment {
-                frame: last,
-                part: 0,
-                of: self.den,
-            }
-        } else {
-            moment
-        })
+        Ok(if moment.frame >= last { Moment { frame: last, part: 0, of: self.den } } else { moment })
     }
 
     /// The first readout at or after `frame`; `None` when it never comes

@@ -51,9 +51,7 @@ impl Transfer {
     /// Floats, because sRGB's darkest 16-bit codes are a thirteenth of a linear step apart.
     #[must_use]
     pub fn table16(self) -> Vec<f32> {
-        (0..=u16::MAX)
-            .map(|i| self.light(f64::from(i) / 65535.0) as f32)
-            .collect()
+        (0..=u16::MAX).map(|i| self.light(f64::from(i) / 65535.0) as f32).collect()
     }
 }
 
@@ -98,11 +96,7 @@ impl Curve {
     /// The tables of `transfer`.
     #[must_use]
     pub fn new(transfer: Transfer) -> Self {
-        Self {
-            transfer,
-            table8: transfer.table8(),
-            table16: OnceLock::new(),
-        }
+        Self { transfer, table8: transfer.table8(), table16: OnceLock::new() }
     }
 
     /// The function itself.

@@ -64,18 +64,11 @@ impl<R: Read> Reader<R> {
     pub fn new(reader: R, name: &str, matrix: Option<Matrix>) -> Result<Self> {
         let mut reader = BufReader::new(reader);
         let mut header = Vec::new();
-        reader
-            .by_ref()
-            .take(LINE)
-            .read_until(b'\n', &mut header)
-            .map_err(|e| Error::io(name, e))?;
+        reader.by_ref().take(LINE).read_until(b'\n', &mut header).map_err(|e| Error::io(name, e))?;
         check_header(&header, name)?;
         let full = range(&header);
         let taken = Arc::new(AtomicU64::new(0));
-        let input = Counted {
-            inner: Cursor::new(header).chain(reader),
-            taken: Arc::clone(&taken),
-        };
+        let input = Counted { inner: Cursor::new(header).chain(reader), taken: Arc::clone(&taken) };
         let decoder = Decoder::new(input).map_err(|e| damaged(name, &e))?;
         let (width, height) = (decoder.get_width(), decoder.get_height());
         let geometry = stored_size(width as u64, height as u64, name)?;
@@ -88,14 +81,7 @@ impl<R: Read> Reader<R> {
             full: full.unwrap_or(chroma.is_none()),
             matrix: matrix.unwrap_or(Matrix::of_height(height)),
         };
-        Ok(Self {
-            name: name.to_owned(),
-            decoder,
-            taken,
-            read: 0,
-            geometry,
-            layout,
-        })
+        Ok(Self { name: name.to_owned(), decoder, taken, read: 0, geometry, layout })
     }
 
     /// Width and height of the video.
@@ -202,9 +188,7 @@ fn check_header(header: &[u8], name: &str) -> Result<()> {
             b"W" => sides[0] = text.parse().map_err(|_| bad("an impossible width"))?,
             b"H" => sides[1] = text.parse().map_err(|_| bad("an impossible height"))?,
             b"I" if matches!(text, "t" | "b" | "m") => {
-                return Err(
-                    bad("interlaced video").remedy("deinterlace it, as ffmpeg -vf yadif does")
-                );
+                return Err(bad("interlaced video").remedy("deinterlace it, as ffmpeg -vf yadif does"));
             }
             _ => {}
         }
@@ -213,10 +197,7 @@ fn check_header(header: &[u8], name: &str) -> Result<()> {
 }
 
 fn tokens(header: &[u8]) -> impl Iterator<Item = &[u8]> {
-    header[MAGIC.len()..]
-        .trim_ascii_end()
-        .split(|b| *b == b' ')
-        .filter(|t| !t.is_empty())
+    header[MAGIC.len()..].trim_ascii_end().split(|b| *b == b' ').filter(|t| !t.is_empty())
 }
 
 /// Whether the header declares full range.
@@ -242,12 +223,7 @@ impl Video {
     ///
     /// # Errors
     /// As [`Reader::new`]; [`Kind::Input`] too when the last frame is cut short or there is none.
-    pub fn open(
-        path: &Path,
-        camera: Geometry,
-        fit: Fit,
-        transfer: Option<Transfer>,
-    ) -> Result<Self> {
+    pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>) -> Result<Self> {
         let name = path.display().to_string();
         let open = || std::fs::File::open(path).map_err(|e| Error::io(&name, e));
         let mut video = Self::from_reader(Box::new(open()?), &name, camera, fit, transfer)?;
@@ -257,9 +233,7 @@ impl Video {
         }
         let frames = video.reader.count(open()?)?;
         if frames == 0 {
-            return Err(Error::new(Kind::Input, name)
-                .found("no frame")
-                .expected("at least one frame"));
+            return Err(Error::new(Kind::Input, name).found("no frame").expected("at least one frame"));
         }
         video.frames = Some(frames);
         Ok(video)
@@ -288,15 +262,8 @@ impl Video {
         matrix: Option<Matrix>,
     ) -> Result<Self> {
         let reader = Reader::new(reader, name, matrix)?;
-        fit.check(reader.geometry(), camera)
-            .map_err(|e| e.within(name))?;
-        Ok(Self {
-            reader,
-            frames: None,
-            linear: Linear::new(transfer),
-            fit,
-            camera,
-        })
+        fit.check(reader.geometry(), camera).map_err(|e| e.within(name))?;
+        Ok(Self { reader, frames: None, linear: Linear::new(transfer), fit, camera })
     }
 }
 
@@ -307,20 +274,13 @@ impl<R: Read> Reader<R> {
         let length = file.metadata().map_err(refused)?.len();
         let mut file = BufReader::with_capacity(256, file);
         let mut line = Vec::new();
-        file.by_ref()
-            .take(LINE)
-            .read_until(b'\n', &mut line)
-            .map_err(refused)?;
+        file.by_ref().take(LINE).read_until(b'\n', &mut line).map_err(refused)?;
         let mut at = line.len() as u64;
         let bytes = self.layout.bytes();
         let mut frames = 0;
         while at < length {
             line.clear();
-            let head = file
-                .by_ref()
-                .take(LINE)
-                .read_until(b'\n', &mut line)
-                .map_err(refused)?;
+            let head = file.by_ref().take(LINE).read_until(b'\n', &mut line).map_err(refused)?;
             if !b"FRAME".starts_with(&line[..line.len().min(5)]) {
                 return Err(Error::new(Kind::Input, &self.name)
                     .found(format_args!("something else at byte {at}"))
@@ -360,12 +320,8 @@ impl Source for Video {
     }
 
     fn describe(&self) -> String {
-        let count = self
-            .frames
-            .map_or("frames".to_owned(), |n| format!("{n} frames"));
-        let rate = self
-            .rate()
-            .map_or(String::new(), |r| format!(" at {r} per second"));
+        let count = self.frames.map_or("frames".to_owned(), |n| format!("{n} frames"));
+        let rate = self.rate().map_or(String::new(), |r| format!(" at {r} per second"));
         let (name, size) = (&self.reader.name, self.reader.geometry);
         format!("{name}: video of {size}, {count}{rate}")
     }

@@ -17,11 +17,7 @@ impl Matrix {
     /// What players assume of a video that does not say: BT.709 from 720 rows on.
     #[must_use]
     pub const fn of_height(rows: usize) -> Self {
-        if rows >= 720 {
-            Self::Bt709
-        } else {
-            Self::Bt601
-        }
+        if rows >= 720 { Self::Bt709 } else { Self::Bt601 }
     }
 
     /// Weights of red and blue in Y'.
@@ -59,23 +55,15 @@ pub(super) fn chroma(space: Colorspace) -> Option<[usize; 2]> {
 impl Layout {
     /// Bytes of the planes of one frame.
     pub(super) fn bytes(self) -> u64 {
-        let chroma = self.chroma.map_or(0, |[x, y]| {
-            2 * self.width.div_ceil(1 << x) as u64 * self.height.div_ceil(1 << y) as u64
-        });
+        let chroma = self
+            .chroma
+            .map_or(0, |[x, y]| 2 * self.width.div_ceil(1 << x) as u64 * self.height.div_ceil(1 << y) as u64);
         let samples = self.width as u64 * self.height as u64 + chroma;
-        if self.depth == 8 {
-            samples
-        } else {
-            2 * samples
-        }
+        if self.depth == 8 { samples } else { 2 * samples }
     }
 
     /// Luminance of the pixels in order, 1.0 at full scale; `table` linearises 16-bit codes.
-    pub(super) fn light<'a>(
-        self,
-        planes: [&'a [u8]; 3],
-        table: &'a [f32],
-    ) -> impl Iterator<Item = f32> + 'a {
+    pub(super) fn light<'a>(self, planes: [&'a [u8]; 3], table: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
         let [black, white, swing] = self.levels();
         let (to_y, to_c) = (1.0 / (white - black), 1.0 / swing);
         let middle = (1_u32 << (self.depth - 1)) as f32;

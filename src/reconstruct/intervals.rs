@@ -15,15 +15,11 @@ use crate::spikes::Packed;
 pub fn tfi(packed: Packed, at: usize, search: usize) -> Result<Vec<f32>> {
     check_readout(packed, at)?;
     if search == 0 {
-        return Err(Error::new(Kind::Usage, "readouts to search for spikes")
-            .found(0)
-            .expected("at least 1"));
+        return Err(Error::new(Kind::Usage, "readouts to search for spikes").found(0).expected("at least 1"));
     }
     let missing = 1.0 / (2.0 * search as f32);
     let spans = spans(packed, at, search);
-    Ok(spans
-        .map(|length| length.map_or(missing, |n| 1.0 / n as f32))
-        .collect())
+    Ok(spans.map(|length| length.map_or(missing, |n| 1.0 / n as f32)).collect())
 }
 
 /// Length in readouts of the interval around readout `at`, row-major; 0 where the
@@ -44,20 +40,12 @@ fn spans(packed: Packed, at: usize, search: usize) -> impl Iterator<Item = Optio
     let before = distances(packed, (first..=at).rev(), 0);
     let after = distances(packed, at + 1..=at.saturating_add(search).min(last), 1);
     let pixels = packed.geometry().pixels();
-    before
-        .into_iter()
-        .zip(after)
-        .take(pixels)
-        .map(|(b, a)| Some(b? + a?))
+    before.into_iter().zip(after).take(pixels).map(|(b, a)| Some(b? + a?))
 }
 
 /// How many readouts of the row it takes to meet each pixel's first spike, the first
 /// readout counting as `start`. Stops when every pixel has fired.
-fn distances(
-    packed: Packed,
-    readouts: impl Iterator<Item = usize>,
-    start: u32,
-) -> Vec<Option<u32>> {
+fn distances(packed: Packed, readouts: impl Iterator<Item = usize>, start: u32) -> Vec<Option<u32>> {
     let bytes = packed.geometry().frame_bytes();
     let mut found = vec![None; bytes * 8];
     let mut waiting = vec![0xff_u8; bytes];
@@ -68,11 +56,7 @@ fn distances(
     let mut left = packed.geometry().pixels();
     let mut fresh = vec![0_u8; bytes];
     for (distance, readout) in (start..).zip(readouts) {
-        for ((new, wait), &spikes) in fresh
-            .iter_mut()
-            .zip(&mut waiting)
-            .zip(packed.frame(readout))
-        {
+        for ((new, wait), &spikes) in fresh.iter_mut().zip(&mut waiting).zip(packed.frame(readout)) {
             *new = spikes & *wait;
             *wait &= !spikes;
         }

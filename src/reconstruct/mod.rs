@@ -33,8 +33,5 @@ fn check_readout(packed: Packed, readout: usize) -> Result<()> {
     }
     Err(Error::new(Kind::Usage, "readout to reconstruct at")
         .found(readout)
-        .expected(format_args!(
-            "less than the stream's {} readouts",
-            packed.readouts()
-        )))
+        .expected(format_args!("less than the stream's {} readouts", packed.readouts())))
 }

@@ -41,10 +41,7 @@ pub fn ssim(a: &[f32], b: &[f32], geometry: Geometry, peak: f64) -> Result<f64> 
     }
     let product = |x: &[f32], y: &[f32]| -> Vec<f64> {
         let pairs = x.iter().zip(y);
-        blur(
-            pairs.map(|(&x, &y)| f64::from(x) * f64::from(y)).collect(),
-            geometry,
-        )
+        blur(pairs.map(|(&x, &y)| f64::from(x) * f64::from(y)).collect(), geometry)
     };
     let plain = |x: &[f32]| blur(x.iter().map(|&x| f64::from(x)).collect(), geometry);
     let (mean_a, mean_b) = (plain(a), plain(b));

@@ -47,10 +47,7 @@ impl<'a> TfpSequence<'a> {
     pub fn move_to(&mut self, centre: usize) -> Result<()> {
         check_readout(self.packed, centre)?;
         let from = centre.saturating_sub(self.half);
-        let to = centre
-            .saturating_add(self.half)
-            .saturating_add(1)
-            .min(self.packed.readouts());
+        let to = centre.saturating_add(self.half).saturating_add(1).min(self.packed.readouts());
         let old = self.window.clone();
         if to <= old.start || old.end <= from {
             self.counts.fill(0);
@@ -69,10 +66,7 @@ impl<'a> TfpSequence<'a> {
     #[must_use]
     pub fn image(&self) -> Vec<f32> {
         let readouts = self.window.len().max(1) as f32;
-        self.counts[..self.packed.geometry().pixels()]
-            .iter()
-            .map(|&n| n as f32 / readouts)
-            .collect()
+        self.counts[..self.packed.geometry().pixels()].iter().map(|&n| n as f32 / readouts).collect()
     }
 
     fn add(&mut self, readouts: std::ops::Range<usize>) {

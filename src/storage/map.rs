@@ -33,14 +33,8 @@ impl Map {
         // A pipe would block in `open`, so its kind is asked first.
         let metadata = std::fs::metadata(path).map_err(io)?;
         if !metadata.is_file() {
-            let found = if metadata.is_dir() {
-                "a directory"
-            } else {
-                "a pipe or device"
-            };
-            return Err(Error::new(Kind::Input, path.display())
-                .found(found)
-                .expected("a regular file"));
+            let found = if metadata.is_dir() { "a directory" } else { "a pipe or device" };
+            return Err(Error::new(Kind::Input, path.display()).found(found).expected("a regular file"));
         }
         let file = File::open(path).map_err(io)?;
         let map = if file.metadata().map_err(io)?.len() == 0 {
@@ -54,10 +48,7 @@ impl Map {
             // Advice: readahead doubles; nothing depends on it.
             let _ = map.advise(Advice::Sequential);
         }
-        Ok(Self {
-            map,
-            path: path.to_path_buf(),
-        })
+        Ok(Self { map, path: path.to_path_buf() })
     }
 
     /// The path it was opened by.
@@ -73,18 +64,13 @@ impl Map {
         let end = range.end.min(map.len());
         // Inwards to whole pages: neighbours may still be in use.
         let start = range.start.next_multiple_of(ALIGN);
-        let stop = if end == map.len() {
-            end
-        } else {
-            end - end % ALIGN
-        };
+        let stop = if end == map.len() { end } else { end - end % ALIGN };
         if start >= stop {
             return;
         }
         // SAFETY: `DontNeed` invalidates anonymous or private pages; this mapping is shared
         // and read-only, so its pages come back from the file with the same bytes.
-        let _ =
-            unsafe { map.unchecked_advise_range(UncheckedAdvice::DontNeed, start, stop - start) };
+        let _ = unsafe { map.unchecked_advise_range(UncheckedAdvice::DontNeed, start, stop - start) };
     }
 }
 

@@ -29,9 +29,6 @@ use crate::error::{Error, Result};
 /// the operating system refuses.
 pub fn write_small(path: &Path, bytes: &[u8], force: bool) -> Result<()> {
     let partial = partial::Partial::create(path, force)?;
-    partial
-        .file()
-        .write_all(bytes)
-        .map_err(|e| Error::io(path.display(), e))?;
+    partial.file().write_all(bytes).map_err(|e| Error::io(path.display(), e))?;
     partial.commit().map(drop)
 }

@@ -26,9 +26,7 @@ impl Partial {
     pub(super) fn create(path: &Path, force: bool) -> Result<Self> {
         refuse_existing(path, force)?;
         let name = path.file_name().ok_or_else(|| {
-            Error::new(Kind::Usage, path.display())
-                .found("no file name")
-                .expected("the path of a file")
+            Error::new(Kind::Usage, path.display()).found("no file name").expected("the path of a file")
         })?;
         loop {
             let n = NEXT.fetch_add(1, Ordering::Relaxed);
@@ -36,20 +34,10 @@ impl Partial {
             hidden_name.push(name);
             hidden_name.push(format!(".{}-{n}.partial", std::process::id()));
             let hidden = path.with_file_name(hidden_name);
-            let created = OpenOptions::new()
-                .read(true)
-                .write(true)
-                .create_new(true)
-                .open(&hidden);
+            let created = OpenOptions::new().read(true).write(true).create_new(true).open(&hidden);
             match created {
                 Ok(file) => {
-                    return Ok(Self {
-                        file,
-                        hidden,
-                        path: path.to_path_buf(),
-                        force,
-                        committed: false,
-                    });
+                    return Ok(Self { file, hidden, path: path.to_path_buf(), force, committed: false });
                 }
                 // Left by an earlier process of the same id: not ours to remove.
                 Err(e) if e.kind() == ErrorKind::AlreadyExists => {}
@@ -140,13 +128,7 @@ fn rename_new(hidden: &Path, path: &Path) -> Result<()> {
 #[cfg(any(target_os = "linux", target_vendor = "apple"))]
 fn rename_no_replace(hidden: &Path, path: &Path) -> std::io::Result<()> {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
-    Ok(renameat_with(
-        CWD,
-        hidden,
-        CWD,
-        path,
-        RenameFlags::NOREPLACE,
-    )?)
+    Ok(renameat_with(CWD, hidden, CWD, path, RenameFlags::NOREPLACE)?)
 }
 
 #[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
@@ -158,8 +140,9 @@ fn link_then_unlink(hidden: &Path, path: &Path) -> Result<()> {
     match fs::hard_link(hidden, path) {
         Ok(()) => fs::remove_file(hidden).map_err(|e| Error::io(hidden.display(), e)),
         Err(e) if e.kind() == ErrorKind::AlreadyExists => Err(exists(path)),
-        Err(e) => Err(Error::io(path.display(), e)
-            .remedy("this file system can neither rename without replacing nor link; allow overwriting (--force)")),
+        Err(e) => Err(Error::io(path.display(), e).remedy(
+            "this file system can neither rename without replacing nor link; allow overwriting (--force)",
+        )),
     }
 }
 
@@ -177,10 +160,7 @@ mod tests {
         let (hidden, path) = (dir.path().join(".new"), dir.path().join("old"));
         fs::write(&hidden, "new").unwrap();
         fs::write(&path, "old").unwrap();
-        assert_eq!(
-            link_then_unlink(&hidden, &path).unwrap_err().kind(),
-            Kind::Exists
-        );
+        assert_eq!(link_then_unlink(&hidden, &path).unwrap_err().kind(), Kind::Exists);
         assert_eq!(fs::read(&path).unwrap(), b"old");
         fs::remove_file(&path).unwrap();
         link_then_unlink(&hidden, &path).unwrap();

@@ -62,12 +62,7 @@ impl Writer {
         let partial = Partial::create(path, force)?;
         check_space(path, bytes)?;
         reserve(partial.file(), bytes).map_err(|e| reserve_error(path, bytes, e))?;
-        Ok(Self {
-            window: None,
-            partial,
-            bytes,
-            position: 0,
-        })
+        Ok(Self { window: None, partial, bytes, position: 0 })
     }
 
     /// The length of the file.
@@ -90,10 +85,7 @@ impl Writer {
     /// # Errors
     /// [`Kind::Usage`] beyond the end; what the operating system refuses.
     pub fn window(&mut self, offset: u64, len: usize) -> Result<&mut [u8]> {
-        if offset
-            .checked_add(len as u64)
-            .is_none_or(|end| end > self.bytes)
-        {
+        if offset.checked_add(len as u64).is_none_or(|end| end > self.bytes) {
             return Err(Error::new(Kind::Usage, self.path().display())
                 .found(format_args!("{len} bytes at {offset}"))
                 .expected(format_args!("a place within {} bytes", self.bytes)));
@@ -120,8 +112,7 @@ impl Writer {
         let mut rest = bytes;
         while !rest.is_empty() {
             let (piece, behind) = rest.split_at(rest.len().min(WINDOW / 4));
-            self.window(self.position, piece.len())?
-                .copy_from_slice(piece);
+            self.window(self.position, piece.len())?.copy_from_slice(piece);
             self.position += piece.len() as u64;
             rest = behind;
         }
@@ -137,11 +128,7 @@ impl Writer {
         self.window = None;
         let path = self.path().to_path_buf();
         let sync = self.partial.commit()?;
-        Ok(Finished {
-            path,
-            bytes: self.bytes,
-            sync,
-        })
+        Ok(Finished { path, bytes: self.bytes, sync })
     }
 
     /// Maps a window that holds the request. Its pages come one by one as they are
@@ -155,12 +142,7 @@ impl Writer {
         // SAFETY: the file is ours alone: created under a fresh hidden name, never shared,
         // not shortened while mapped, with every block reserved (no fault on a full disk).
         // Somebody who opens and cuts a hidden partial file breaks this; no API prevents that.
-        let map = unsafe {
-            MmapOptions::new()
-                .offset(start)
-                .len(size)
-                .map_mut(self.partial.file())
-        };
+        let map = unsafe { MmapOptions::new().offset(start).len(size).map_mut(self.partial.file()) };
         let map = map.map_err(|e| Error::io(self.path().display(), e))?;
         Ok(Window { map, offset: start })
     }
