@@ -13,11 +13,17 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod backend;
+mod bare;
 mod batch;
 mod body;
+mod increment;
 mod lanes;
+mod pass;
+mod pixels;
 mod portable;
+mod rare;
 pub mod reference;
+mod step;
 
 pub use backend::Backend;
 pub use batch::{Batch, Job, Light, Rounds, Samples, Segment};
