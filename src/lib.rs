@@ -1,6 +1,7 @@
 //! Spike-camera simulation: light in, bit-packed spike streams out.
 
 pub mod error;
+pub mod measure;
 pub mod spikes;
 
 pub use error::{Error, Kind, Result};
