@@ -26,7 +26,11 @@ fn sample(name: &'static str, rate: f64, regular: bool) -> Sample {
     let rates: Vec<f64> = (0..100_000_u32)
         .map(|p| rate * (0.97 + 0.06 * f64::from(p.wrapping_mul(2_654_435_761) >> 16) / 65_536.0))
         .collect();
-    let make = if regular { Stream::integrators } else { Stream::bernoulli };
+    let make = if regular {
+        Stream::integrators
+    } else {
+        Stream::bernoulli
+    };
     let stream = make(400, 250, READOUTS, &rates, 1);
     let packed = stream.packed();
     Sample {
@@ -37,20 +41,38 @@ fn sample(name: &'static str, rate: f64, regular: bool) -> Sample {
     }
 }
 
-fn families() -> [(&'static str, Options); 5] {
+fn families() -> [(&'static str, Options); 6] {
     let none = Options {
         counts: false,
         frames: false,
         intervals: false,
         ..Options::default()
     };
-    let counts = Options { counts: true, ..none.clone() };
-    let frames = Options { frames: true, ..none.clone() };
-    let both = Options { frames: true, ..counts.clone() };
-    let intervals = Options { intervals: true, ..none };
+    let counts = Options {
+        counts: true,
+        ..none.clone()
+    };
+    let frames = Options {
+        frames: true,
+        ..none.clone()
+    };
+    let totals = Options {
+        frames: true,
+        halves: false,
+        ..counts.clone()
+    };
+    let both = Options {
+        frames: true,
+        ..counts.clone()
+    };
+    let intervals = Options {
+        intervals: true,
+        ..none
+    };
     [
         ("counts", counts),
         ("frames", frames),
+        ("counts-and-totals", totals),
         ("counts-and-frames", both),
         ("intervals", intervals),
         ("everything", Options::default()),
@@ -99,7 +121,9 @@ fn main() {
             let bits = 4 * (READOUTS * sample.geometry.pixels()) as u64;
             group.throughput(Throughput::Elements(bits));
             let id = |unit| BenchmarkId::new(sample.name, unit);
-            group.bench_with_input(id("pixel-readouts"), sample, |b, s| b.iter(|| run(s, &options)));
+            group.bench_with_input(id("pixel-readouts"), sample, |b, s| {
+                b.iter(|| run(s, &options))
+            });
             if options.intervals {
                 group.throughput(Throughput::Elements(4 * sample.spikes));
                 group.bench_with_input(id("spikes"), sample, |b, s| b.iter(|| run(s, &options)));

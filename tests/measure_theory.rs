@@ -23,7 +23,8 @@ fn ideal(rates: &[f64], readouts: usize) -> Statistics {
 }
 
 fn random(rate: f64, readouts: usize) -> Statistics {
-    Stream::bernoulli(SIDE, SIDE, readouts, &vec![rate; PIXELS], 4).measure(&Options::default(), &[])
+    Stream::bernoulli(SIDE, SIDE, readouts, &vec![rate; PIXELS], 4)
+        .measure(&Options::default(), &[])
 }
 
 fn intervals(statistics: &Statistics) -> &Intervals {
@@ -43,7 +44,10 @@ fn an_ideal_integrator_has_the_lattice_variance_of_its_rate() {
         let found = intervals(&statistics).lag_variance(lag, None);
         // The same pixels on both sides: what is left is the bias and the sampling of a
         // finite beat, u(1-u) to about 1/sqrt(N) of a pixel, 0.25/38/64 on the mean.
-        assert!((found.value - expected).abs() < 4e-4, "{lag}: {found:?} against {expected}");
+        assert!(
+            (found.value - expected).abs() < 4e-4,
+            "{lag}: {found:?} against {expected}"
+        );
     }
 }
 
@@ -65,7 +69,11 @@ fn time_based_rates_are_as_precise_as_stated() {
     let rates = spread_rates(0.2, 0.1);
     let statistics = ideal(&rates, 4000);
     let found = statistics.counts.unwrap().rate_by_time();
-    let relative: Vec<f64> = found.iter().zip(&rates).map(|(a, b)| (a / b - 1.0).powi(2)).collect();
+    let relative: Vec<f64> = found
+        .iter()
+        .zip(&rates)
+        .map(|(a, b)| (a / b - 1.0).powi(2))
+        .collect();
     let rms = measure_support::mean(&relative).sqrt() * 4000.0;
     assert!((rms - (1.0_f64 / 6.0).sqrt()).abs() < 0.02, "{rms} / T");
 }
@@ -82,12 +90,21 @@ fn independent_bits_have_geometric_intervals() {
         let raw = found.lag_variance(lag, None);
         let n = f64::from(lag);
         let biased = variance * n * (1.0 - n / (f64::from(readouts as u32) * p));
-        assert!(raw.sigmas_from(biased).abs() < 4.0, "{lag}: {raw:?} {biased}");
+        assert!(
+            raw.sigmas_from(biased).abs() < 4.0,
+            "{lag}: {raw:?} {biased}"
+        );
         let unbiased = found.unbiased_lag_variance(lag, None);
-        assert!(unbiased.sigmas_from(n * variance).abs() < 4.0, "{lag}: {unbiased:?}");
+        assert!(
+            unbiased.sigmas_from(n * variance).abs() < 4.0,
+            "{lag}: {unbiased:?}"
+        );
     }
     let noise = found.decompose(None);
-    assert!(noise.per_spike.sigmas_from(variance).abs() < 4.0, "{noise:?}");
+    assert!(
+        noise.per_spike.sigmas_from(variance).abs() < 4.0,
+        "{noise:?}"
+    );
     assert!(noise.constant.sigmas_from(0.0).abs() < 4.0, "{noise:?}");
     for apart in [1, 2] {
         let auto = found.autocovariance(apart, None);
@@ -100,7 +117,10 @@ fn independent_bits_have_geometric_intervals() {
         // Intervals cut off at the end of the stream are the long ones: a bias of
         // order 1/N of the share, 1e-3 of it.
         let allowed = 4.0 * share.error + 2e-3 * expected;
-        assert!((share.value - expected).abs() < allowed, "{length}: {share:?} {expected}");
+        assert!(
+            (share.value - expected).abs() < allowed,
+            "{length}: {share:?} {expected}"
+        );
     }
 }
 
@@ -146,13 +166,24 @@ fn copied_spikes_show_as_coincidence_at_their_lag() {
             stream.frames[t][p] |= stream.frames[t - 1][p - 1] && copies.frames[t][p];
         }
     }
-    let counts = stream.measure(&Options::without_intervals(), &[]).counts.unwrap();
+    let counts = stream
+        .measure(&Options::without_intervals(), &[])
+        .counts
+        .unwrap();
     let rho = counts.correlation(Pair::RightAfter);
     // 32 of 63 pairs per row; OR with own spikes takes a tenth: 0.05 * 0.9 * 32/63 = 0.0229,
     // less the 2 % by which the copies raise the other's variance.
-    assert!((rho.value - 0.0226).abs() < 4.0 * rho.error + 4e-4, "{rho:?}");
+    assert!(
+        (rho.value - 0.0226).abs() < 4.0 * rho.error + 4e-4,
+        "{rho:?}"
+    );
     assert!(rho.value > 20.0 * rho.error, "{rho:?}");
-    for pair in [Pair::Right, Pair::RightBefore, Pair::Lower, Pair::LowerAfter] {
+    for pair in [
+        Pair::Right,
+        Pair::RightBefore,
+        Pair::Lower,
+        Pair::LowerAfter,
+    ] {
         let other = counts.correlation(pair);
         assert!(other.value.abs() < 4.0 * other.error, "{pair:?} {other:?}");
     }
@@ -178,13 +209,21 @@ fn noise_of_single_rows_shows_and_flicker_does_not() {
     // Every row has its own rate at each readout, 0.2 +- 0.05 (rows) and the same for all
     // rows (flicker). Covariance of halves of 32 pixels: (32 * 0.05)^2 = 2.56.
     let mut random = Pcg64Mcg::seed_from_u64(12);
-    let mut sign = move || if measure_support::uniform(&mut random) < 0.5 { -0.05 } else { 0.05 };
+    let mut sign = move || {
+        if measure_support::uniform(&mut random) < 0.5 {
+            -0.05
+        } else {
+            0.05
+        }
+    };
     for per_row in [true, false] {
         let mut dice = Pcg64Mcg::seed_from_u64(13);
         let frames = (0..2000)
             .map(|_| {
                 let flicker = sign();
-                let rows: Vec<f64> = (0..64).map(|_| if per_row { sign() } else { flicker }).collect();
+                let rows: Vec<f64> = (0..64)
+                    .map(|_| if per_row { sign() } else { flicker })
+                    .collect();
                 let fires = |p: usize| measure_support::uniform(&mut dice) < 0.2 + rows[p / 64];
                 (0..PIXELS).map(fires).collect()
             })
@@ -193,7 +232,10 @@ fn noise_of_single_rows_shows_and_flicker_does_not() {
         let frames = stream.measure(&Options::only_frames(), &[]).frames.unwrap();
         let expected = if per_row { 2.56 } else { 0.0 };
         let found = frames.row_covariance();
-        assert!(found.sigmas_from(expected).abs() < 4.0, "{per_row} {found:?}");
+        assert!(
+            found.sigmas_from(expected).abs() < 4.0,
+            "{per_row} {found:?}"
+        );
         assert!(found.error < 0.05);
     }
 }
@@ -216,7 +258,10 @@ fn a_lost_and_a_repeated_readout_are_found() {
     let all = intervals(&statistics).deviations(100);
     let lost = all.iter().find(|d| d.readout == 701).unwrap();
     assert!((lost.mean + 1.0).abs() < 0.1, "{lost:?}");
-    let quiet = all.iter().filter(|d| d.readout < 699 && d.sigmas.abs() > 5.0).count();
+    let quiet = all
+        .iter()
+        .filter(|d| d.readout < 699 && d.sigmas.abs() > 5.0)
+        .count();
     assert_eq!(quiet, 0);
 }
 
@@ -226,11 +271,19 @@ fn halves_tell_a_drift() {
     let rates = spread_rates(0.2, 0.1);
     let faster: Vec<f64> = rates.iter().map(|r| r * 1.02).collect();
     let mut stream = Stream::integrators(SIDE, SIDE, 1500, &rates, 1);
-    stream.frames.extend(Stream::integrators(SIDE, SIDE, 1500, &faster, 2).frames);
-    let options = Options { split: Some(1500), ..Options::default() };
+    stream
+        .frames
+        .extend(Stream::integrators(SIDE, SIDE, 1500, &faster, 2).frames);
+    let options = Options {
+        split: Some(1500),
+        ..Options::default()
+    };
     let statistics = stream.measure(&options, &[]);
     let halves = intervals(&statistics).halves().unwrap();
-    let change = halves.rate[1].iter().zip(&halves.rate[0]).map(|(b, a)| b / a - 1.0);
+    let change = halves.rate[1]
+        .iter()
+        .zip(&halves.rate[0])
+        .map(|(b, a)| b / a - 1.0);
     let found = spikelane::measure::Estimate::mean(change);
     // The interval across the seam is off by up to one interval of 300: no mean shift.
     assert!(found.sigmas_from(0.02).abs() < 4.0, "{found:?}");

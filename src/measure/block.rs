@@ -116,29 +116,33 @@ impl Block {
 /// Copies `bits` bits from bit `start` of `bytes` to whole words, zero-padded.
 fn copy_bits(bytes: &[u8], start: usize, bits: usize, out: &mut [u64]) {
     let shift = start % 8;
-    let mut at = start / 8;
-    let mut left = bits;
-    for word in out {
-        let low = match bytes.get(at..at + 8) {
-            Some(whole) => u64::from_le_bytes(whole.try_into().unwrap_or_default()),
-            None => partial(bytes, at),
-        };
-        let mut value = low >> shift;
-        if shift != 0 {
-            let next = bytes.get(at + 8).copied().unwrap_or_default();
-            value |= u64::from(next) << (64 - shift);
+    let whole = bits / 64;
+    let from = &bytes[start / 8..];
+    let (words, rest) = out.split_at_mut(whole);
+    if shift == 0 {
+        for (word, eight) in words.iter_mut().zip(from.as_chunks().0) {
+            *word = u64::from_le_bytes(*eight);
         }
-        if left < 64 {
-            value &= (1 << left) - 1;
+    } else {
+        // The bits of a whole word end in the ninth byte.
+        for (word, nine) in words.iter_mut().zip(from.windows(9).step_by(8)) {
+            *word = partial(nine, 0) >> shift | u64::from(nine[8]) << (64 - shift);
         }
-        *word = value;
-        left = left.saturating_sub(64);
-        at += 8;
     }
+    let at = whole * 8;
+    let mut last = partial(from, at) >> shift;
+    if shift != 0 {
+        last |= u64::from(from.get(at + 8).copied().unwrap_or_default()) << (64 - shift);
+    }
+    rest[0] = last & ((1 << (bits % 64)) - 1);
 }
 
-/// The last few bytes as a word.
+/// Eight bytes from `at` on as a word, zeros behind the end.
+#[inline(always)]
 fn partial(bytes: &[u8], at: usize) -> u64 {
+    if let Some(whole) = bytes.get(at..at + 8) {
+        return u64::from_le_bytes(whole.try_into().unwrap_or_default());
+    }
     let mut word = [0; 8];
     let rest = bytes.get(at..).unwrap_or_default();
     word[..rest.len()].copy_from_slice(rest);

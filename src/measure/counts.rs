@@ -1,5 +1,6 @@
 //! Spike counts, first and last spike, and coincidences of neighbours.
 
+use std::array::from_fn;
 use std::ops::Range;
 
 use wide::u64x4;
@@ -88,7 +89,7 @@ impl State {
                 count: vec![0; pixels],
                 first: vec![NEVER; pixels],
                 last: vec![NEVER; pixels],
-                coincidences: std::array::from_fn(|_| vec![0; pixels]),
+                coincidences: from_fn(|_| vec![0; pixels]),
             },
         }
     }
@@ -118,7 +119,7 @@ impl State {
     fn empty(
         &mut self,
         block: &Block,
-        counters: &[Counters; 7],
+        counters: &[Counters; 8],
         slots: &Range<usize>,
         at: usize,
         start: u32,
@@ -139,14 +140,21 @@ impl State {
                     *sum += u32::from(count);
                 }
             }
-            self.resolve(block, slots, word, pixel, fired[lane], start);
+            let readout = start + slots.start as u32 - 1;
+            let late = counters[7].counts(lane);
+            let last = &mut self.result.last[pixel..pixel + pixels];
+            for (i, (last, late)) in last.iter_mut().zip(late).enumerate() {
+                if fired[lane] >> i & 1 != 0 {
+                    *last = readout + u32::from(late);
+                }
+            }
+            self.resolve_first(block, slots, word, pixel, fired[lane], start);
         }
     }
 
-    /// Finds the first and last spikes of the pixels of one word. Few readouts
-    /// are looked at: the last ones of the block, and for the first spikes
-    /// those of the blocks in which a pixel fires for the first time.
-    fn resolve(
+    /// Finds the first spikes of the pixels of one word, in the blocks in which
+    /// a pixel fires for the first time.
+    fn resolve_first(
         &mut self,
         block: &Block,
         slots: &Range<usize>,
@@ -155,32 +163,19 @@ impl State {
         fired: u64,
         start: u32,
     ) {
-        let at = |slot: usize| block.words()[slot * block.frame_words() + word];
-        let readout = |slot: usize| start + slot as u32 - 1;
-        let mut open = fired;
-        for slot in slots.clone().rev() {
-            mark(
-                &mut self.result.last[pixel..],
-                open & at(slot),
-                readout(slot),
-            );
-            open &= !at(slot);
-            if open == 0 {
-                break;
-            }
-        }
         let mut open = fired & self.unseen[word];
         self.unseen[word] &= !fired;
         for slot in slots.clone() {
             if open == 0 {
                 break;
             }
+            let bits = block.words()[slot * block.frame_words() + word];
             mark(
                 &mut self.result.first[pixel..],
-                open & at(slot),
-                readout(slot),
+                open & bits,
+                start + slot as u32 - 1,
             );
-            open &= !at(slot);
+            open &= !bits;
         }
     }
 }
@@ -203,27 +198,30 @@ fn neighbours(slot: &[u64], at: usize, stride: usize) -> (u64x4, u64x4, u64x4) {
 
 /// Spikes and the six coincidences of a tile over some slots, in groups of
 /// eight: the slots after the last are silent.
-fn count_tile(block: &Block, slots: &Range<usize>, at: usize) -> [Counters; 7] {
-    let mut counters = [Counters::new(); 7];
+///
+/// The last of the eight holds the last spike, as a slot counted from the first.
+fn count_tile(block: &Block, slots: &Range<usize>, at: usize) -> [Counters; 8] {
+    let mut counters = [Counters::new(); 8];
     let zero = u64x4::new([0; TILE]);
-    let mut before = neighbours(block.slot(slots.start - 1), at, block.stride());
-    for group in slots.clone().step_by(8) {
-        let mut inputs = [[zero; 8]; 7];
-        for i in 0..8 {
-            let now = neighbours(block.slot(group + i), at, block.stride());
-            let (own, right, lower) = now;
-            inputs[0][i] = own;
-            inputs[1][i] = own & right;
-            inputs[2][i] = before.0 & right;
-            inputs[3][i] = own & before.1;
-            inputs[4][i] = own & lower;
-            inputs[5][i] = before.0 & lower;
-            inputs[6][i] = own & before.2;
-            before = now;
+    // Entry 0 is the readout before the group.
+    let (mut own, mut right, mut lower) = ([zero; 9], [zero; 9], [zero; 9]);
+    let before = block.slot(slots.start - 1);
+    (own[8], right[8], lower[8]) = neighbours(before, at, block.stride());
+    for (turn, group) in slots.clone().step_by(8).enumerate() {
+        (own[0], right[0], lower[0]) = (own[8], right[8], lower[8]);
+        for i in 1..9 {
+            let slot = block.slot(group + i - 1);
+            (own[i], right[i], lower[i]) = neighbours(slot, at, block.stride());
         }
-        for (counter, input) in counters.iter_mut().zip(&inputs) {
-            counter.add8(input);
-        }
+        let now: [u64x4; 8] = from_fn(|i| own[i + 1]);
+        counters[0].add8(&now);
+        counters[1].add8(&from_fn(|i| own[i + 1] & right[i + 1]));
+        counters[2].add8(&from_fn(|i| own[i] & right[i + 1]));
+        counters[3].add8(&from_fn(|i| own[i + 1] & right[i]));
+        counters[4].add8(&from_fn(|i| own[i + 1] & lower[i + 1]));
+        counters[5].add8(&from_fn(|i| own[i] & lower[i + 1]));
+        counters[6].add8(&from_fn(|i| own[i + 1] & lower[i]));
+        counters[7].remember8(&now, turn);
     }
     counters
 }

@@ -1,9 +1,10 @@
 //! Statistics of whole readouts: totals, distances of successive readouts,
 //! and how the two halves of rows and columns vary together.
 
+use super::Options;
 use super::block::Block;
 use super::estimate::Estimate;
-use super::halves::{ColumnHalves, RowHalves};
+use super::halves::{ColumnHalves, RowHalves, ones};
 use crate::spikes::Geometry;
 
 /// Sums of a pair of numbers over readouts.
@@ -69,12 +70,15 @@ pub struct Frames {
 pub(super) struct State {
     result: Frames,
     kept: usize,
-    row_halves: RowHalves,
-    column_halves: ColumnHalves,
+    halves: Option<(RowHalves, ColumnHalves)>,
 }
 
 impl State {
-    pub(super) fn new(geometry: Geometry, kept: usize, block: &Block) -> Self {
+    pub(super) fn new(geometry: Geometry, options: &Options, block: &Block) -> Self {
+        let halves = || {
+            let rows = RowHalves::new(geometry, block.stride());
+            (rows, ColumnHalves::new(geometry, block.stride()))
+        };
         Self {
             result: Frames {
                 geometry,
@@ -84,14 +88,13 @@ impl State {
                 sums: PairSums::default(),
                 nearest: None,
                 farthest: None,
-                rows: vec![PairSums::default(); geometry.height()],
+                rows: Vec::new(),
                 columns: Vec::new(),
                 left_right: PairSums::default(),
                 top_bottom: PairSums::default(),
             },
-            kept,
-            row_halves: RowHalves::new(geometry.width(), block.stride()),
-            column_halves: ColumnHalves::new(geometry, block.stride()),
+            kept: options.series_readouts,
+            halves: options.halves.then(halves),
         }
     }
 
@@ -100,13 +103,16 @@ impl State {
         let slot = block.slot(block.len());
         let words = &slot[..block.band_words()];
         let result = &mut self.result;
-        let halves = self.row_halves.add(words, &mut result.rows);
-        result.left_right.add(halves.left, halves.right);
-        let (top, bottom) = self.column_halves.add(slot);
-        result.top_bottom.add(top, bottom);
-        result.sums.add(halves.total, halves.total);
+        if let Some((rows, columns)) = &mut self.halves {
+            let (left, right) = rows.add(words);
+            result.left_right.add(left, right);
+            let (top, bottom) = columns.add(slot);
+            result.top_bottom.add(top, bottom);
+        }
+        let total = ones(words);
+        result.sums.add(total, total);
         if result.totals.len() < self.kept {
-            result.totals.push(halves.total as u32);
+            result.totals.push(total as u32);
         }
         if result.readouts > 0 {
             let before = &block.slot(block.len() - 1)[..block.band_words()];
@@ -133,7 +139,10 @@ impl State {
     }
 
     pub(super) fn finish(mut self) -> Frames {
-        self.result.columns = self.column_halves.finish();
+        if let Some((rows, columns)) = self.halves {
+            self.result.rows = rows.finish();
+            self.result.columns = columns.finish();
+        }
         self.result
     }
 }
@@ -205,7 +214,7 @@ impl Frames {
     /// a row, mean over rows, less the covariance of *different* rows (which
     /// flicker and drift cause, and noise of single rows does not), in spikes
     /// squared. The middle column of an odd width is left out. Standard error:
-    /// spread over rows, `sd / sqrt(rows)`.
+    /// spread over rows, `sd / sqrt(rows)`. NaN without [`Options::halves`].
     #[must_use]
     pub fn row_covariance(&self) -> Estimate {
         excess(&self.rows, self.left_right, self.readouts)

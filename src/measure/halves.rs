@@ -5,59 +5,70 @@ use super::vertical::{Counters, GROUPS, TILE, load};
 use crate::spikes::Geometry;
 use wide::u64x4;
 
-/// The word-wise masks of the left and right half of a row.
+/// Where the halves of a row lie in its words.
 pub(super) struct RowHalves {
     stride: usize,
-    left: Vec<u64>,
-    middle: Vec<u64>,
-}
-
-/// The spikes of a readout.
-#[derive(Default)]
-pub(super) struct Spikes {
-    pub(super) left: u64,
-    pub(super) right: u64,
-    pub(super) total: u64,
+    /// The word in which the left half ends, and its bits.
+    left: (usize, u64),
+    /// The middle pixel of an odd width: its word and bit, or no bit.
+    middle: (usize, u64),
+    sums: Vec<PairSums>,
 }
 
 impl RowHalves {
-    pub(super) fn new(width: usize, stride: usize) -> Self {
-        let first_bits = |bits: usize| -> Vec<u64> {
-            let of_word = |word: usize| match bits.saturating_sub(64 * word) {
-                0 => 0,
-                n if n < 64 => (1 << n) - 1,
-                _ => u64::MAX,
-            };
-            (0..stride).map(of_word).collect()
-        };
-        let left = first_bits(width / 2);
-        let more = first_bits(width.div_ceil(2));
-        let middle = left.iter().zip(&more).map(|(l, m)| l ^ m).collect();
+    pub(super) fn new(geometry: Geometry, stride: usize) -> Self {
+        let width = geometry.width();
+        let half = width / 2;
+        let bit = 1 << (half % 64);
         Self {
             stride,
-            left,
-            middle,
+            left: (half / 64, bit - 1),
+            middle: (half / 64, if width % 2 == 1 { bit } else { 0 }),
+            sums: vec![PairSums::default(); geometry.height()],
         }
     }
 
-    /// Adds a readout to the sums of each row.
-    pub(super) fn add(&self, words: &[u64], rows: &mut [PairSums]) -> Spikes {
-        let mut spikes = Spikes::default();
-        for (row, sums) in words.chunks_exact(self.stride).zip(rows) {
-            let (mut left, mut total, mut middle) = (0, 0, 0);
-            for ((word, mask), odd) in row.iter().zip(&self.left).zip(&self.middle) {
-                total += u64::from(word.count_ones());
-                left += u64::from((word & mask).count_ones());
-                middle |= word & odd;
-            }
-            let right = total - left - u64::from(middle != 0);
+    /// Adds a readout; returns the spikes in its left and right half.
+    pub(super) fn add(&mut self, words: &[u64]) -> (u64, u64) {
+        let (mut all_left, mut all_right) = (0, 0);
+        for (row, sums) in words.chunks_exact(self.stride).zip(&mut self.sums) {
+            let (before, after) = row.split_at(self.left.0);
+            let (shared, after) = after.split_first().unwrap_or((&0, &[]));
+            let left = ones(before) + u64::from((shared & self.left.1).count_ones());
+            let odd = u64::from(row[self.middle.0] & self.middle.1 != 0);
+            let right = ones(after) + u64::from((shared & !self.left.1).count_ones()) - odd;
             sums.add(left, right);
-            spikes.left += left;
-            spikes.right += right;
-            spikes.total += total;
+            all_left += left;
+            all_right += right;
         }
-        spikes
+        (all_left, all_right)
     }
+
+    pub(super) fn finish(self) -> Vec<PairSums> {
+        self.sums
+    }
+}
+
+/// The set bits of a few words. Bytes of counts are added over up to 31 words
+/// before they are summed, which halves the work on a CPU without a
+/// population count.
+pub(super) fn ones(words: &[u64]) -> u64 {
+    const PAIRS: u64 = 0x5555_5555_5555_5555;
+    const NIBBLES: u64 = 0x3333_3333_3333_3333;
+    const BYTES: u64 = 0x0F0F_0F0F_0F0F_0F0F;
+    let mut sum = 0;
+    for run in words.chunks(31) {
+        let mut bytes = 0;
+        for word in run {
+            let pairs = word - (word >> 1 & PAIRS);
+            let nibbles = (pairs & NIBBLES) + (pairs >> 2 & NIBBLES);
+            bytes += (nibbles + (nibbles >> 4)) & BYTES;
+        }
+        // Sums of 31 bytes of at most 8 fit a byte, their total needs 16 bits.
+        let halves = (bytes & 0x00FF_00FF_00FF_00FF) + (bytes >> 8 & 0x00FF_00FF_00FF_00FF);
+        sum += halves.wrapping_mul(0x0001_0001_0001_0001) >> 48;
+    }
+    sum
 }
 
 /// Per-column counts of the upper and the lower half.

@@ -64,6 +64,8 @@ pub struct Options {
     pub counts: bool,
     /// Measure [`Frames`]; needs all rows.
     pub frames: bool,
+    /// Whether [`Frames`] holds the halves of rows and columns.
+    pub halves: bool,
     /// Measure [`Intervals`].
     pub intervals: bool,
     /// Lags of `D(n)` in intervals, 1 to [`LONGEST_LAG`]; 1 is always there.
@@ -83,6 +85,7 @@ impl Default for Options {
         Self {
             counts: true,
             frames: true,
+            halves: true,
             intervals: true,
             lags: vec![1, 4, 8, 16, 24, 32],
             longest_bin: 1023,
@@ -177,7 +180,7 @@ impl Accumulator {
             .then(|| counts::State::new(geometry, rows.clone(), &block));
         let frames = options
             .frames
-            .then(|| frames::State::new(geometry, options.series_readouts, &block));
+            .then(|| frames::State::new(geometry, options, &block));
         let (bin, series) = (options.longest_bin, options.series_readouts);
         let intervals = options
             .intervals

@@ -56,6 +56,27 @@ impl Counters {
         }
     }
 
+    /// Makes the counters hold the number of the last set input, which is 8
+    /// times `turn` plus its index; pixels without any keep what they have.
+    #[inline(always)]
+    pub(super) fn remember8(&mut self, x: &[u64x4; 8], turn: usize) {
+        let (x67, x45, x23) = (x[6] | x[7], x[4] | x[5], x[2] | x[3]);
+        let upper = x45 | x67;
+        let any = upper | x23 | x[0] | x[1];
+        let bit1 = x67 | (!upper & x23);
+        let odd = x[7] | (!x[6] & (x[5] | (!x[4] & (x[3] | (!x[2] & x[1])))));
+        for (plane, bit) in self.planes.iter_mut().zip([odd, bit1, upper]) {
+            *plane = (*plane & !any) | bit;
+        }
+        for (j, plane) in self.planes[3..].iter_mut().enumerate() {
+            *plane = if turn >> j & 1 != 0 {
+                *plane | any
+            } else {
+                *plane & !any
+            };
+        }
+    }
+
     /// Which counters are not zero.
     pub(super) fn any(&self) -> [u64; TILE] {
         let mut any = self.planes[0];

@@ -10,7 +10,7 @@
 
 use wide::{i16x8, i32x4};
 
-use super::Pixel;
+use super::pixel::{CUMULATIVE, Pixel};
 
 /// The largest span of times for lags up to `longest`.
 pub(super) fn span_limit(longest: u32) -> u32 {
@@ -44,20 +44,16 @@ fn load(values: &[i16], at: usize) -> i16x8 {
     i16x8::new(lanes)
 }
 
-/// The chunks of eight of `n` entries, with the mask of their lanes.
-#[inline(always)]
-fn chunks(n: usize) -> impl Iterator<Item = (usize, i16x8)> {
-    (0..n)
-        .step_by(8)
-        .map(move |i| (i, i16x8::new(MASKS[(n - i).min(8)])))
-}
-
-/// Writes all intervals of `times[..end]`: entry `i` ends at `times[i]`.
+/// Writes all intervals of `times[..end]`: entry `i` ends at `times[i]`. Eight
+/// zeros follow the last.
 pub(super) fn differences(times: &[i16], end: usize, intervals: &mut [i16]) {
-    for i in (1..end).step_by(8) {
-        let x = load(times, i) - load(times, i - 1);
-        intervals[i..i + 8].copy_from_slice(&x.to_array());
+    let n = (end - 1).next_multiple_of(8);
+    let (before, after) = (&times[..n], &times[1..n + 1]);
+    let out = intervals[1..n + 1].chunks_exact_mut(8);
+    for ((x, a), b) in out.zip(after.chunks_exact(8)).zip(before.chunks_exact(8)) {
+        x.copy_from_slice(&(load(a, 0) - load(b, 0)).to_array());
     }
+    intervals[end..end + 8].fill(0);
 }
 
 /// Adds the differences over `lag` spikes that end at `times[from..end]`.
@@ -66,42 +62,75 @@ pub(super) fn add_lag(times: &[i16], from: usize, end: usize, lag: usize, sums: 
     let one = i16x8::splat(1);
     let mut sum = i32x4::splat(0);
     let mut squares = i32x4::splat(0);
-    for (i, mask) in chunks(end - from) {
-        let d = (load(times, from + i) - load(times, from + i - lag)) & mask;
+    let mut add = |d: i16x8| {
         sum += d.dot(one);
         squares += d.dot(d);
+    };
+    let n = (end - from).next_multiple_of(8);
+    let (after, last_after) = times[from..from + n].split_at(n - 8);
+    let (before, last_before) = times[from - lag..from - lag + n].split_at(n - 8);
+    for (a, b) in after.chunks_exact(8).zip(before.chunks_exact(8)) {
+        add(load(a, 0) - load(b, 0));
     }
+    // What follows the last spike is no time.
+    let mask = i16x8::new(MASKS[end - from - (n - 8)]);
+    add((load(last_after, 0) - load(last_before, 0)) & mask);
     sums[0] += sum.reduce_add() as u64;
     sums[1] += squares.reduce_add() as u64;
 }
 
+/// What the new intervals of a pixel are, for the histogram.
+pub(super) struct Found {
+    pub(super) shortest: u32,
+    pub(super) longest: u32,
+    /// Intervals of at most `centre - 3 + j` readouts.
+    pub(super) within: [u32; CUMULATIVE],
+}
+
 /// Adds products of successive intervals, extremes, and the counts at the
-/// pixel's fences, for the intervals that end at entries `from..end`.
-pub(super) fn add_intervals(intervals: &[i16], from: usize, end: usize, pixel: &mut Pixel) {
+/// pixel's fences, for the intervals that end at entries `from..end`. Zeros
+/// follow them: they lie beyond no fence and add nothing to a product.
+pub(super) fn add_intervals(
+    intervals: &[i16],
+    from: usize,
+    end: usize,
+    pixel: &mut Pixel,
+) -> Found {
     let fences = pixel
         .fences()
-        .map(|f| i16x8::splat(f.min(i64::from(i16::MAX)) as i16));
+        .map(|f| i16x8::splat(f.clamp(0, i64::from(i16::MAX)) as i16));
     let mut above = [i16x8::splat(0); 8];
     let mut products = [i32x4::splat(0); 2];
     let mut longest = i16x8::splat(0);
     let mut shortest = i16x8::splat(i16::MAX);
-    for (i, mask) in chunks(end - from) {
-        let at = from + i;
-        let x = load(intervals, at) & mask;
-        products[0] += x.dot(load(intervals, at - 1));
-        products[1] += x.dot(load(intervals, at - 2));
+    let n = (end - from).next_multiple_of(8);
+    let one = intervals[from - 1..from - 1 + n].chunks_exact(8);
+    let two = intervals[from - 2..from - 2 + n].chunks_exact(8);
+    let own = intervals[from..from + n].chunks_exact(8);
+    for ((x, one), two) in own.zip(one).zip(two) {
+        let x = load(x, 0);
+        products[0] += x.dot(load(one, 0));
+        products[1] += x.dot(load(two, 0));
         longest = longest.max(x);
-        shortest = shortest.min(x | (!mask & i16x8::splat(i16::MAX)));
+        // Less one and biased: the zeros come out as the greatest.
+        shortest = shortest.min((x - i16x8::splat(1)) ^ i16x8::splat(i16::MIN));
         for (count, fence) in above.iter_mut().zip(fences) {
             // A comparison is -1 where it holds.
-            *count -= x.simd_gt(fence) & mask;
+            *count -= x.simd_gt(fence);
         }
     }
     for (sum, product) in pixel.products.iter_mut().zip(products) {
         *sum += product.reduce_add() as u64;
     }
-    pixel.shortest = pixel.shortest.min(shortest.reduce_min() as u32);
-    pixel.longest = pixel.longest.max(longest.reduce_max() as u32);
+    let above = above.map(|count| count.reduce_add() as u32);
     let n = (end - from) as u32;
-    pixel.add_above(n, above.map(|count| count.reduce_add() as u32));
+    let found = Found {
+        shortest: (i32::from(shortest.reduce_min()) + 32_769) as u32,
+        longest: longest.reduce_max() as u32,
+        within: std::array::from_fn(|j| n - above[2 + j]),
+    };
+    pixel.shortest = pixel.shortest.min(found.shortest);
+    pixel.longest = pixel.longest.max(found.longest);
+    pixel.add_above(n, above);
+    found
 }

@@ -1,6 +1,7 @@
 //! How often each interval length occurs.
 
 use super::super::estimate::Estimate;
+use super::fast::Found;
 use crate::spikes::Geometry;
 
 /// Groups of rows that are counted apart, for the spread between them.
@@ -113,6 +114,25 @@ impl Tally {
     pub(super) fn add(&mut self, turn: usize, interval: u32) {
         self.used = true;
         self.bins[turn % 4][interval.min(self.cap + 1) as usize] += 1;
+    }
+
+    /// Counts the intervals of a pixel. When none lies beyond the fences around
+    /// `centre`, the counts at the fences already tell every length.
+    pub(super) fn add_found(&mut self, found: &Found, centre: i64, intervals: &[i16]) {
+        let lowest = centre - 2;
+        if i64::from(found.shortest) < lowest || i64::from(found.longest) > centre + 2 {
+            for (i, interval) in intervals.iter().enumerate() {
+                self.add(i, *interval as u32);
+            }
+            return;
+        }
+        self.used = true;
+        for (j, ends) in found.within.windows(2).enumerate() {
+            if ends[1] > ends[0] {
+                let length = (lowest + j as i64).min(i64::from(self.cap) + 1);
+                self.bins[0][length as usize] += ends[1] - ends[0];
+            }
+        }
     }
 
     /// Moves the counts into the histogram.

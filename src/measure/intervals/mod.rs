@@ -32,10 +32,14 @@ pub(super) struct DeviationSum {
     spikes: u32,
 }
 
+/// Room for the readouts of a block, a power of two so that a remainder takes
+/// the place of a bounds check.
+const SLOTS: usize = CAPACITY.next_power_of_two();
+
 /// The readouts of a block as the pixels' intervals see them.
 pub(super) struct Readouts {
     start: u32,
-    deviation: [i64; CAPACITY],
+    deviation: [i64; SLOTS],
     /// Spikes without a reference to deviate from.
     skipped: [u32; CAPACITY],
 }
@@ -106,7 +110,7 @@ impl State {
                 exact: Vec::with_capacity(room),
                 readouts: Readouts {
                     start: 0,
-                    deviation: [0; CAPACITY],
+                    deviation: [0; SLOTS],
                     skipped: [0; CAPACITY],
                 },
             },
@@ -130,7 +134,7 @@ impl State {
         let mut histories = Histories::new();
         self.scratch.readouts = Readouts {
             start,
-            deviation: [0; CAPACITY],
+            deviation: [0; SLOTS],
             skipped: [0; CAPACITY],
         };
         let mut group = 0;
@@ -190,14 +194,14 @@ impl State {
             fast::add_lag(times, depth, end, *lag as usize, sum);
         }
         let pixel = &mut self.result.pixels[p];
-        fast::add_intervals(intervals, depth, end, pixel);
+        let found = fast::add_intervals(intervals, depth, end, pixel);
         pixel.spikes += (end - depth) as u32;
+        self.tally
+            .add_found(&found, pixel.centre(), &intervals[depth..end]);
         let reference = i64::from(pixel.reference);
-        let new = times[depth..end].iter().zip(&intervals[depth..end]);
-        for (i, (time, interval)) in new.enumerate() {
-            self.tally.add(i, *interval as u32);
+        for (time, interval) in times[depth..end].iter().zip(&intervals[depth..end]) {
             // The start of the block lies at `shift`.
-            readouts.deviation[(time - shift) as usize] +=
+            readouts.deviation[(time - shift) as u16 as usize % SLOTS] +=
                 REFERENCE as i64 * i64::from(*interval) - reference;
         }
         for (old, time) in history.iter_mut().zip(&times[end - depth..end]) {
