@@ -74,6 +74,9 @@ pub struct Summary {
 /// Summarises statistics of all rows that hold counts (and intervals, for
 /// temporal noise and better rates).
 ///
+/// The words are those of a uniform target. Of a scene, the spreads hold its
+/// content, and its edges come out as outliers.
+///
 /// # Errors
 /// When counts are missing, only a band was measured, or nothing was read.
 pub fn summarise(statistics: &Statistics) -> Result<Summary> {
