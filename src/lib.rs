@@ -42,6 +42,7 @@ pub mod error;
 pub mod formats;
 pub mod kernels;
 pub mod light;
+pub mod measure;
 pub mod pixel;
 pub mod plan;
 #[cfg(feature = "files")]
