@@ -1,6 +1,6 @@
 //! Runs a plan over (tile, many readouts).
 //!
-//! One generic body ([`lanes`]) serves every vector backend; [`reference`](mod@reference)
+//! One generic body serves every vector backend; [`reference`](mod@reference)
 //! does the same integers in plain scalar loops. All give the same bits.
 //!
 //! A tile is a run of neighbouring pixels. Within it the body keeps one vector

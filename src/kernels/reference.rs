@@ -107,7 +107,7 @@ const LEAST: f32 = -1_073_741_824.0;
 const ROOT: f32 = (0.703_952_25 * 32_768.0 / gauss::SCALE / 65_536.0) as f32;
 
 fn fixed(value: f32) -> i32 {
-    value.max(LEAST).min(MOST).round_ties_even() as i32
+    value.clamp(LEAST, MOST).round_ties_even() as i32
 }
 
 /// The multiplier of a variance of (steps x 65,536)^2: its root times 32,768 /

@@ -138,11 +138,11 @@ fn clips(law: &Law, scale: &Scale, greatest_light: f64) -> bool {
 }
 
 fn redraw(model: &Model) -> Redraw {
-    let rules = model.ops.iter().filter_map(|op| match op {
+    let mut rules = model.ops.iter().filter_map(|op| match op {
         Op::ThresholdNoise { redraw, .. } => Some(*redraw),
         _ => None,
     });
-    rules.last().unwrap_or(Redraw::EveryReset)
+    rules.next_back().unwrap_or(Redraw::EveryReset)
 }
 
 fn tables(laws: &[Law], scale: &Scale) -> Tables {
