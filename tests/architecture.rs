@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 /// Rooms from the ground up; rooms on one line do not see each other.
 const HOUSE: &[&[&str]] = &[
-    &["units", "error"],
+    &["error"],
+    &["units"],
     &["draws", "spikes", "pixel"],
     &["sensor"],
     &["effects"],
