@@ -12,8 +12,6 @@ use super::texture::{Spot, VehicleSpot};
 pub(super) struct Fragment<'a> {
     pub material: Material,
     pub part: usize,
-    /// Depth along the optical axis in metres.
-    pub depth: f32,
     pub world: Vec3,
     /// Shading normal and the triangle's own, in the world, towards the camera.
     pub normal: Vec3,
@@ -136,7 +134,6 @@ pub(super) fn at<'a>(frame: &Frame<'a>, id: u32, x: f32, y: f32) -> Fragment<'a>
     Fragment {
         material: part.mesh.surface(triangle).material,
         part: index,
-        depth,
         world,
         normal: part.world_axes * normal,
         facet,

@@ -130,18 +130,8 @@ impl<'a> Frame<'a> {
         let shape = &scene.traffic.shapes[vehicle.shape];
         let to_world = stance.to_world();
         let id = Some(index as u32);
-        self.add_part(&shape.shell, id, to_world, stance.gone);
-        let turn = stance.rolled_m / f64::from(shape.wheel_m);
-        for &x in &shape.axles {
-            let hub = DVec3::new(f64::from(x), 0.0, f64::from(shape.wheel_m));
-            let (sin, cos) = libm::sincos(turn);
-            let rolled = DAffine3::from_cols(
-                DVec3::new(cos, 0.0, -sin),
-                DVec3::Y,
-                DVec3::new(sin, 0.0, cos),
-                hub,
-            );
-            self.add_part(&shape.axle, id, to_world * rolled, stance.gone);
+        for (mesh, to_vehicle) in shape.parts(stance.rolled_m) {
+            self.add_part(mesh, id, to_world * to_vehicle, stance.gone);
         }
         let (s, d) = scene
             .city

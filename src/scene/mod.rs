@@ -16,13 +16,17 @@
 //! Distances are metres, times seconds, light is photometric (cd/m2). How it
 //! is done, and what it leaves out, is in `docs/scenes.md`.
 
+mod boxes;
 mod bvh;
 mod camera;
 mod city;
 mod facade;
+mod flow;
 mod fragment;
 mod frame;
 mod grid;
+mod keyframes;
+pub mod labels;
 mod lighting;
 mod material;
 mod mesh;
@@ -35,12 +39,17 @@ mod shade;
 mod texture;
 mod traffic;
 mod vehicle;
+mod warp;
 
+pub use boxes::VehicleBox;
 pub use camera::{Camera, Intrinsics, Pose};
+pub use flow::Flow;
+pub use keyframes::KeyPlan;
 pub use lighting::Lighting;
 pub use material::Semantic;
 pub use render::{Labels, Rendered, Samples};
 pub use vehicle::VehicleClass;
+pub use warp::Warp;
 
 use crate::error::{Error, Kind, Result};
 use crate::spikes::Geometry;
@@ -106,8 +115,6 @@ pub struct Scene {
     mount: camera::Mount,
     light: Light,
     lamp_grid: Grid,
-    /// Number of the first part of every vehicle, and one past the last.
-    first_part: Vec<u32>,
 }
 
 impl Scene {
@@ -141,12 +148,6 @@ impl Scene {
             tunnel: tunnel.is_some(),
         };
         let traffic = Traffic::random(seed, &city.road, &demand);
-        let mut first_part = vec![1];
-        for v in &traffic.vehicles {
-            first_part.push(
-                first_part[first_part.len() - 1] + 1 + traffic.shapes[v.shape].axles.len() as u32,
-            );
-        }
         let reach = shade::LAMP_REACH_M;
         let lamps: Vec<_> = city
             .lamps
@@ -171,7 +172,6 @@ impl Scene {
             mount: camera::Mount::random(seed),
             city,
             traffic,
-            first_part,
         })
     }
 

@@ -290,6 +290,11 @@ impl Band {
         }
     }
 
+    /// Samples that show anything.
+    pub fn covered(&self) -> u32 {
+        self.ids.iter().filter(|&&id| id != NOTHING).count() as u32
+    }
+
     /// The triangle at sample `k` of a pixel.
     pub fn id(&self, row: usize, column: usize, k: usize) -> u32 {
         self.ids[(row * self.samples + k) * self.width + column]

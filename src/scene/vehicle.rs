@@ -5,7 +5,7 @@
 //! lines, wheel arches) are no triangles; the body material draws them from
 //! these coordinates.
 
-use glam::{Vec2, Vec3};
+use glam::{DAffine3, DVec3, Vec2, Vec3};
 
 use super::bvh::Bvh;
 use super::material::{Material, Semantic};
@@ -92,6 +92,7 @@ impl Shape {
             VehicleClass::Lorry => lorry(&mut shell, draws),
         };
         shell.chunk_end();
+        shell.bake(|_, _| 1.0);
         let mut axle = Mesh::default();
         wheels(&mut axle, wheel_m, half.y);
         axle.chunk_end();
@@ -119,6 +120,25 @@ impl Shape {
             axle,
             bvh,
         }
+    }
+}
+
+impl Shape {
+    /// From the coordinates of each rigid part, shell first, to the vehicle's,
+    /// after the wheels have rolled so far.
+    pub fn parts(&self, rolled_m: f64) -> impl Iterator<Item = (&Mesh, DAffine3)> {
+        let (sin, cos) = libm::sincos(rolled_m / f64::from(self.wheel_m));
+        let axles = self.axles.iter().map(move |&x| {
+            let hub = DVec3::new(f64::from(x), 0.0, f64::from(self.wheel_m));
+            let rolled = DAffine3::from_cols(
+                DVec3::new(cos, 0.0, -sin),
+                DVec3::Y,
+                DVec3::new(sin, 0.0, cos),
+                hub,
+            );
+            (&self.axle, rolled)
+        });
+        std::iter::once((&self.shell, DAffine3::IDENTITY)).chain(axles)
     }
 }
 
@@ -320,15 +340,8 @@ fn loft(mesh: &mut Mesh, stations: &[Station], edge: f32) {
                 6 | 7 if stations[i].top_glass => Material::Glass,
                 _ => Material::Body,
             };
-            faces.push((
-                material,
-                [
-                    rings[i][k],
-                    rings[i][k + 1],
-                    rings[i + 1][k + 1],
-                    rings[i + 1][k],
-                ],
-            ));
+            let (near, far) = (&rings[i], &rings[i + 1]);
+            faces.push((material, [near[k], far[k], far[k + 1], near[k + 1]]));
         }
     }
     for (ring, front) in [(&rings[0], true), (&rings[rings.len() - 1], false)] {

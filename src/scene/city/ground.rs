@@ -241,12 +241,6 @@ impl SideFrame {
         let p = self.origin + self.along * d + self.across * w;
         Vec3::new(p.x as f32, p.y as f32, z as f32)
     }
-
-    /// Unit vectors along and across.
-    pub(super) fn axes(&self) -> (Vec3, Vec3) {
-        let v = |p: glam::DVec2| Vec3::new(p.x as f32, p.y as f32, 0.0);
-        (v(self.along), v(self.across))
-    }
 }
 
 /// Walls, vault, ceiling lamps, and the portal walls at both ends.

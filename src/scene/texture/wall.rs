@@ -218,7 +218,7 @@ fn shop(spot: &Spot, style: &Facade, sign: Vec3, wall: Look, light: &Light) -> L
         1.0 + 0.5 * grain(spot.uv, 0.5, foot, style.seed ^ 8),
     );
     let mut window = Look::glossy(hue * shelf, 0.07, 0.04);
-    window.emission = hue * Vec3::new(1.1, 1.0, 0.8) * (light.window_cd_m2 * (0.5 + 6.0 * shelf));
+    window.emission = hue * Vec3::new(1.1, 1.0, 0.8) * (light.window_cd_m2 * (0.08 + 2.2 * shelf));
     let mut door_look = Look::glossy(Vec3::splat(0.05), 0.07, 0.05);
     door_look.emission = window.emission * 0.6;
     wall.mix(board_look, board)
