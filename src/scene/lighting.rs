@@ -107,7 +107,19 @@ impl Light {
     /// The light of `preset`, varied by the seed.
     pub fn random(seed: u64, preset: Lighting, flicker_hz: Option<f64>) -> Self {
         let draws = Draws::new(seed, "light");
-        let azimuth = draws.range(0, 0.0, std::f64::consts::TAU);
+        // Roads run along x: a sun that is low shines along the street, or no
+        // ray of it would reach the ground.
+        let along = draws.range(9, -0.75, 0.75)
+            + if draws.chance(10, 0.5) {
+                std::f64::consts::PI
+            } else {
+                0.0
+            };
+        let azimuth = if matches!(preset, Lighting::LowSun | Lighting::Dusk) {
+            along
+        } else {
+            draws.range(0, 0.0, std::f64::consts::TAU)
+        };
         let way = |degrees: f64| {
             let (s, c) = libm::sincos(degrees.to_radians());
             let (sa, ca) = libm::sincos(azimuth);

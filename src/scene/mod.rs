@@ -44,6 +44,7 @@ mod warp;
 pub use boxes::VehicleBox;
 pub use camera::{Camera, Intrinsics, Pose};
 pub use flow::Flow;
+pub use glam::{DMat3, DVec3};
 pub use keyframes::KeyPlan;
 pub use lighting::Lighting;
 pub use material::Semantic;

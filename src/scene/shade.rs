@@ -290,16 +290,18 @@ fn environment(frame: &Frame, f: &Fragment, way: Vec3, tunnel: f32, rough: f32) 
     }
     let (height, half) = scene.city.canyon;
     let flat = way.truncate().length().max(1e-4);
-    let sideways = (way.dot(frame.left) / flat).abs().max(0.02);
+    let sideways = (way.dot(frame.left) / flat).abs().max(0.02 + 0.6 * rough);
     let reach = (half / sideways).min(160.0);
     let at = f.world.truncate() + way.truncate() * (reach / flat);
     let along = at.dot(Vec2::new(frame.left.y, -frame.left.x));
     let skyline = height * (1.0 + 0.45 * noise::value(Vec2::new(along / 14.0, 0.5), 9));
     let climb = f.world.z + way.z / flat * reach;
-    let soft = 0.6 + 14.0 * rough;
+    let soft = 0.6 + 30.0 * rough;
     let open = noise::smooth(-soft, soft, climb - skyline);
     let rooms = 0.5 + 0.5 * noise::value(Vec2::new(along / 1.6, climb / 1.7), 10);
-    let front = (light.sun * 0.16 + lux * 0.36 + night) * (0.30 / PI) * (0.7 + 0.6 * rooms)
+    let front = (light.sun * 0.16 + lux * 0.36 + night)
+        * (0.30 / PI)
+        * (0.7 + 0.6 * (0.5 + (rooms - 0.5) * (1.0 - 2.5 * rough).max(0.0)))
         + Vec3::new(1.2, 0.95, 0.6) * (light.window_cd_m2 * 0.8 * noise::smooth(0.72, 0.9, rooms));
     front.lerp(light.sky(way), open)
 }

@@ -452,3 +452,104 @@ impl Stance {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drive_of(seed: u64) -> (Road, Traffic, (f64, f64)) {
+        let span = (-120.0, 600.0);
+        let road = Road::random(seed, span.0, span.1, false);
+        let demand = Demand {
+            ego_mps: 22.0,
+            duration_s: 6.0,
+            cars: None,
+            span,
+            tunnel: false,
+        };
+        let traffic = Traffic::random(seed, &road, &demand);
+        (road, traffic, span)
+    }
+
+    /// Do two upright boxes overlap? Separating axes of both rectangles.
+    fn overlap(a: (Stance, DVec2), b: (Stance, DVec2)) -> bool {
+        let axes = |s: &Stance| {
+            let (sin, cos) = s.heading.sin_cos();
+            [DVec2::new(cos, sin), DVec2::new(-sin, cos)]
+        };
+        let reach = |(s, half): &(Stance, DVec2), n: DVec2| {
+            let [x, y] = axes(s);
+            half.x * x.dot(n).abs() + half.y * y.dot(n).abs()
+        };
+        axes(&a.0)
+            .into_iter()
+            .chain(axes(&b.0))
+            .all(|n| (a.0.at - b.0.at).dot(n).abs() < reach(&a, n) + reach(&b, n))
+    }
+
+    #[test]
+    fn nobody_collides_during_a_drive() {
+        for seed in 0..4 {
+            let (road, traffic, span) = drive_of(seed);
+            for step in 0..=12 {
+                let t = 0.5 * f64::from(step);
+                let mut boxes: Vec<(Stance, DVec2)> = traffic
+                    .vehicles
+                    .iter()
+                    .map(|v| {
+                        let size = traffic.shapes[v.shape].size;
+                        let half = DVec2::new(f64::from(size.x), f64::from(size.y)) * 0.5;
+                        (stance_of(&road, &v.motion, t, span), half)
+                    })
+                    .filter(|(s, _)| !s.gone)
+                    .collect();
+                boxes.push((
+                    stance_of(&road, &traffic.ego, t, span),
+                    DVec2::new(0.5 * EGO_LENGTH_M, 0.9),
+                ));
+                for i in 0..boxes.len() {
+                    for j in 0..i {
+                        let (a, b) = (boxes[i], boxes[j]);
+                        assert!(!overlap(a, b), "seed {seed} t {t}: {a:?} {b:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn wheels_touch_the_road_and_roll_without_slipping() {
+        let (road, traffic, span) = drive_of(9);
+        let rim_gap = 1.0 - (std::f64::consts::PI / 24.0).cos();
+        for v in &traffic.vehicles {
+            let shape = &traffic.shapes[v.shape];
+            let stance = stance_of(&road, &v.motion, 2.0, span);
+            if stance.gone {
+                continue;
+            }
+            for (mesh, to_vehicle) in shape.parts(stance.rolled_m).skip(1) {
+                let low = mesh
+                    .vertices
+                    .iter()
+                    .map(|p| to_vehicle.transform_point3(p.position.as_dvec3()).z)
+                    .fold(f64::MAX, f64::min);
+                // A tyre of 24 sides stands on a corner or on a side.
+                let gap = rim_gap * f64::from(shape.wheel_m) + 1e-6;
+                assert!((-1e-6..=gap).contains(&low), "wheel at {low} m");
+            }
+            let later = stance_of(&road, &v.motion, 2.001, span);
+            let rolled = later.rolled_m - stance.rolled_m;
+            // Sway adds a little path across the lane: 0.5 % at most.
+            assert!((rolled - later.at.distance(stance.at)).abs() < 0.006 * rolled.abs() + 1e-6);
+        }
+    }
+
+    #[test]
+    fn the_camera_starts_at_the_origin_and_drives() {
+        let (road, traffic, span) = drive_of(2);
+        let start = stance_of(&road, &traffic.ego, 0.0, span);
+        assert!((start.at - road.point(0.0, 0.0)).length() < 12.0);
+        let end = stance_of(&road, &traffic.ego, 6.0, span);
+        assert!(end.at.distance(start.at) > 60.0);
+    }
+}

@@ -176,9 +176,9 @@ fn sedan(mesh: &mut Mesh, draws: Draws) -> Measures {
         ..s
     };
     let stations = [
-        station(l, 0.36, 0.70 * w, 0.50, 0.54, 0.60 * w),
-        station(l - 0.05, 0.24, 0.86 * w, 0.58, 0.64, 0.74 * w),
-        station(l - 0.22, 0.20, 0.95 * w, 0.64, 0.71, 0.82 * w),
+        station(l, 0.34, 0.80 * w, 0.58, 0.63, 0.70 * w),
+        station(l - 0.05, 0.24, 0.91 * w, 0.63, 0.70, 0.79 * w),
+        station(l - 0.22, 0.20, 0.97 * w, 0.68, 0.75, 0.84 * w),
         station(0.70 * l, 0.19, w, bonnet - 0.08, bonnet - 0.02, 0.86 * w),
         glass(
             station(cowl, 0.19, w, belt - 0.02, belt + 0.06, 0.88 * w),

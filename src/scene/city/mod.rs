@@ -162,3 +162,37 @@ fn uv_rect(u: f32, v: f32) -> [Vec2; 4] {
         Vec2::new(0.0, v),
     ]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{City, KERB_M};
+
+    #[test]
+    fn nothing_floats_above_the_ground() {
+        for (seed, tunnel) in [(1, None), (2, None), (3, Some((-90.0, 60.0)))] {
+            let city = City::random(seed, -100.0, 300.0, tunnel);
+            for chunk in &city.mesh.chunks {
+                let low = city.mesh.vertices
+                    [chunk.vertices.start as usize..chunk.vertices.end as usize]
+                    .iter()
+                    .map(|v| v.position.z)
+                    .fold(f32::MAX, f32::min);
+                assert!(
+                    f64::from(low) <= KERB_M + 0.02,
+                    "seed {seed}: something begins at {low} m"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn sky_is_baked_for_every_vertex() {
+        let city = City::random(4, -100.0, 300.0, None);
+        assert!(
+            city.mesh
+                .vertices
+                .iter()
+                .all(|v| (0.0..=1.0).contains(&v.sky))
+        );
+    }
+}

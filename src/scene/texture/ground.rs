@@ -175,7 +175,7 @@ fn wetted(look: Look, spot: &Spot, light: &Light) -> Look {
         0.35,
         grain(spot.uv * Vec2::new(0.4, 1.0), 1.6, f, 31) + 0.25 * grain(spot.uv, 0.4, f, 32),
     );
-    let wet = Look::glossy(look.albedo * 0.42, 0.03, 0.30 - 0.24 * pool);
+    let wet = Look::glossy(look.albedo * 0.42, 0.03, 0.36 - 0.16 * pool);
     look.mix(wet, light.wet)
 }
 

@@ -209,13 +209,18 @@ fn shop(spot: &Spot, style: &Facade, sign: Vec3, wall: Look, light: &Light) -> L
     let mut board_look = Look::glossy(sign.lerp(contrast, ink), 0.04, 0.4);
     board_look.emission = lit_board * board_look.albedo * 2.0;
     // Goods in the window: soft blotches of colour on shelves.
-    let shelf = 0.06
-        + 0.10 * (0.5 + 0.5 * grain(spot.uv, 0.35, foot, style.seed ^ 5))
-        + 0.05 * pulses(v, 0.6, 0.0, 0.06, f.y);
+    let full = 0.35 + 0.65 * smooth(2.1, 0.7, v);
+    let shelf = 0.04
+        + 0.16
+            * full
+            * (0.5 + 0.5 * grain(spot.uv * Vec2::new(1.0, 0.5), 0.17, foot, style.seed ^ 5))
+        + 0.04 * pulses(v, 0.6, 0.0, 0.06, f.y);
+    // Taller than wide, and denser below eye level, as displays are.
+    let goods = spot.uv * Vec2::new(1.0, 0.55);
     let hue = Vec3::new(
-        1.0 + 0.5 * grain(spot.uv, 0.5, foot, style.seed ^ 6),
-        1.0 + 0.4 * grain(spot.uv, 0.6, foot, style.seed ^ 7),
-        1.0 + 0.5 * grain(spot.uv, 0.5, foot, style.seed ^ 8),
+        1.0 + 0.35 * grain(goods, 0.22, foot, style.seed ^ 6),
+        1.0 + 0.25 * grain(goods, 0.26, foot, style.seed ^ 7),
+        1.0 + 0.35 * grain(goods, 0.24, foot, style.seed ^ 8),
     );
     let mut window = Look::glossy(hue * shelf, 0.07, 0.04);
     window.emission = hue * Vec3::new(1.1, 1.0, 0.8) * (light.window_cd_m2 * (0.08 + 2.2 * shelf));
