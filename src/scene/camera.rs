@@ -83,7 +83,7 @@ impl Mount {
             (
                 degrees.to_radians() * draws.range(20 + i, 0.5, 1.0),
                 k,
-                draws.range(30 + i, 0.0, 6.28),
+                draws.range(30 + i, 0.0, std::f64::consts::TAU),
             )
         };
         Self {

@@ -27,7 +27,7 @@ pub(super) struct Part<'a> {
 
 impl Part<'_> {
     /// A point of the part in camera coordinates.
-    pub fn to_camera(&self, local: Vec3) -> Vec3 {
+    pub fn to_camera(self, local: Vec3) -> Vec3 {
         self.camera_axes * ((local - self.eye.0) - self.eye.1)
     }
 }

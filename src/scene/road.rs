@@ -51,7 +51,7 @@ impl Road {
             (
                 amplitude,
                 std::f64::consts::TAU / length,
-                draws.range(i + 20, 0.0, 6.28),
+                draws.range(i + 20, 0.0, std::f64::consts::TAU),
             )
         };
         let mut road = Self {

@@ -442,7 +442,7 @@ pub(super) fn stance_of(road: &Road, motion: &Motion, t: f64, span: (f64, f64)) 
 
 impl Stance {
     /// From the vehicle's coordinates to the world's.
-    pub fn to_world(&self) -> DAffine3 {
+    pub fn to_world(self) -> DAffine3 {
         let (sin, cos) = libm::sincos(self.heading);
         DAffine3::from_cols(
             DVec3::new(cos, sin, 0.0),

@@ -8,7 +8,7 @@ use super::super::random::Draws;
 use super::{City, District, KERB_M};
 
 /// Leaf clusters in one crown; each is a four-sided tuft.
-const TUFTS: u64 = 230;
+const TUFTS: u64 = 360;
 
 pub(super) fn build(city: &mut City, seed: u64, start_s: f64, end_s: f64) {
     let draws = Draws::new(seed, "trees");
@@ -86,7 +86,7 @@ fn crown(mesh: &mut Mesh, draws: Draws, heart: Vec3, size: f32) {
             ((at - heart).normalize_or_zero() + 0.6 * out + Vec3::Z * 0.15).normalize_or_zero();
         let facing = (normal + 0.9 * direction(tuft.of(3))).normalize_or_zero();
         let (x, y) = facing.any_orthonormal_pair();
-        let half = tuft.range_f32(4, 0.20, 0.38) * size;
+        let half = tuft.range_f32(4, 0.15, 0.30) * size;
         let corner = |u: f32, v: f32| at + (x * u + y * v) * half;
         // A lopsided kite looks less like a card than a square does.
         let kite = [

@@ -121,7 +121,10 @@ fn paint_look(spot: &Spot, light: &Light) -> Look {
 fn asphalt(spot: &Spot, tone: f32, light: &Light) -> Look {
     let (p, f) = (spot.uv, spot.foot.max_element());
     let mut a = 0.105 * tone;
-    a *= 1.0 + 0.22 * grain(p, 0.025, f, 1) + 0.12 * grain(p, 0.11, f, 2);
+    a *= 1.0
+        + 0.25 * grain(p, 0.022, f, 1)
+        + 0.14 * grain(p, 0.05, f, 9)
+        + 0.12 * grain(p, 0.11, f, 2);
     a *= 1.0 + 0.10 * grain(p, 1.7, f, 3) + 0.10 * grain(p * Vec2::new(0.25, 1.0), 2.9, f, 4);
     // Repaired trenches: some cells carry a rectangle of newer, darker asphalt.
     let cell = (p / Vec2::new(14.0, 5.0)).floor();
