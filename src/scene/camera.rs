@@ -2,8 +2,8 @@
 
 use glam::{DMat3, DVec3};
 
+use super::motion::Stance;
 use super::random::Draws;
-use super::traffic::Stance;
 
 /// A pinhole camera: pixel = f * (x / z, y / z) + c, with x right, y down, z
 /// forward, and pixel centres at half-integers (the image covers

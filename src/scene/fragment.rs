@@ -44,31 +44,75 @@ fn ray(frame: &Frame, x: f32, y: f32) -> Vec3 {
 
 /// The direction in the world of the ray through (x, y).
 pub(super) fn world_way(frame: &Frame, x: f32, y: f32) -> Vec3 {
-    let rotation = frame.camera.pose.rotation.as_mat3();
-    (rotation.transpose() * ray(frame, x, y)).normalize()
+    (frame.to_world_axes * ray(frame, x, y)).normalize()
 }
 
-/// The corners of a triangle in camera coordinates.
-fn corners(frame: &Frame, id: u32) -> [Vec3; 3] {
-    let (part, triangle) = split(id);
-    let part = &frame.parts[part];
-    part.mesh
-        .corners(triangle)
-        .map(|v| part.to_camera(v.position))
+/// A triangle in camera coordinates: one corner and two edges.
+struct Plane {
+    corner: Vec3,
+    edges: (Vec3, Vec3),
+    /// Across the triangle, as long as twice its area.
+    across: Vec3,
+}
+
+impl Plane {
+    fn of(frame: &Frame, id: u32) -> Self {
+        let (part, triangle) = split(id);
+        let part = &frame.parts[part];
+        let [a, b, c] = part
+            .mesh
+            .corners(triangle)
+            .map(|v| part.to_camera(v.position));
+        let edges = (b - a, c - a);
+        Self {
+            corner: a,
+            edges,
+            across: edges.0.cross(edges.1),
+        }
+    }
+
+    /// Depth at which a ray with z = 1 meets the plane.
+    fn depth(&self, ray: Vec3) -> f32 {
+        let depth = self.across.dot(self.corner) / self.across.dot(ray);
+        let z = [0.0, self.edges.0.z, self.edges.1.z];
+        let near = (self.corner.z + z[0].min(z[1]).min(z[2])).max(0.0);
+        let far = self.corner.z + z[0].max(z[1]).max(z[2]);
+        // A triangle seen exactly edge-on has no plane to meet.
+        if depth.is_finite() {
+            depth.clamp(near, far.max(near))
+        } else {
+            near.midpoint(far)
+        }
+    }
 }
 
 /// Depth in metres of triangle `id` at pixel coordinates (x, y): the ray meets
 /// the plane, so that the rounding of the rasteriser plays no part.
 pub(super) fn depth(frame: &Frame, id: u32, x: f32, y: f32) -> f32 {
-    let [a, b, c] = corners(frame, id);
-    let n = (b - a).cross(c - a);
-    let depth = n.dot(a) / n.dot(ray(frame, x, y));
-    // A triangle seen exactly edge-on has no plane to meet.
-    let (near, far) = (a.z.min(b.z).min(c.z), a.z.max(b.z).max(c.z));
-    if depth.is_finite() {
-        depth.clamp(near.max(0.0), far)
-    } else {
-        near.midpoint(far)
+    Plane::of(frame, id).depth(ray(frame, x, y))
+}
+
+/// What a shadow ray needs to know of a surface point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bare {
+    pub world: Vec3,
+    /// The triangle's normal towards the camera.
+    pub facet: Vec3,
+    pub leaf: bool,
+}
+
+/// The surface point of triangle `id` at depth `depth`, without its texture.
+pub(super) fn bare(frame: &Frame, id: u32, x: f32, y: f32, depth: f32) -> Bare {
+    let (index, triangle) = split(id);
+    let part = &frame.parts[index];
+    let back = frame.to_world_axes;
+    let [p, q, s] = part.mesh.corners(triangle).map(|v| v.position);
+    let facet = part.world_axes * (q - p).cross(s - p).normalize_or_zero();
+    let to = back * (ray(frame, x, y) * depth);
+    Bare {
+        world: frame.eye + to,
+        facet: if facet.dot(to) > 0.0 { -facet } else { facet },
+        leaf: matches!(part.mesh.surface(triangle).material, Material::Leaves(_)),
     }
 }
 
@@ -93,11 +137,10 @@ pub(super) fn surface_key(frame: &Frame, id: u32) -> (usize, u32) {
 pub(super) fn at<'a>(frame: &Frame<'a>, id: u32, x: f32, y: f32) -> Fragment<'a> {
     let (index, triangle) = split(id);
     let part = &frame.parts[index];
-    let [a, b, c] = corners(frame, id);
-    let (e1, e2) = (b - a, c - a);
-    let n = e1.cross(e2);
+    let plane = Plane::of(frame, id);
+    let (a, (e1, e2), n) = (plane.corner, plane.edges, plane.across);
     let r = ray(frame, x, y);
-    let depth = depth(frame, id, x, y);
+    let depth = plane.depth(r);
     let inverse = 1.0 / n.length_squared().max(1e-24);
     let weights = |p: Vec3| (p.cross(e2).dot(n) * inverse, e1.cross(p).dot(n) * inverse);
     let (u, v) = weights(r * depth - a);

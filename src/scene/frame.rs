@@ -6,7 +6,7 @@ use super::Scene;
 use super::camera::Camera;
 use super::grid::Grid;
 use super::mesh::Mesh;
-use super::traffic::{Motion, Stance};
+use super::motion::{Motion, Stance};
 use super::vehicle::Shape;
 
 /// A rigid part of the scene: the city, a vehicle's shell, or an axle.
@@ -27,6 +27,7 @@ pub(super) struct Part<'a> {
 
 impl Part<'_> {
     /// A point of the part in camera coordinates.
+    #[inline]
     pub fn to_camera(self, local: Vec3) -> Vec3 {
         self.camera_axes * ((local - self.eye.0) - self.eye.1)
     }
@@ -65,6 +66,8 @@ pub(super) struct Frame<'a> {
     pub t: f64,
     pub camera: Camera,
     pub eye: Vec3,
+    /// From the camera's axes to the world's.
+    pub to_world_axes: Mat3,
     pub parts: Vec<Part<'a>>,
     pub placed: Vec<Placed<'a>>,
     /// Vehicles whose shadow of sun or moon may fall on a place of the ground.
@@ -87,6 +90,7 @@ impl<'a> Frame<'a> {
             t,
             camera,
             eye: camera.pose.position.as_vec3(),
+            to_world_axes: camera.pose.rotation.transpose().as_mat3(),
             parts: Vec::new(),
             placed: Vec::new(),
             shadows: Grid::default(),

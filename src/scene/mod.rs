@@ -22,14 +22,17 @@ mod camera;
 mod city;
 mod facade;
 mod flow;
+mod follow;
 mod fragment;
 mod frame;
 mod grid;
 mod keyframes;
 pub mod labels;
 mod lighting;
+mod loft;
 mod material;
 mod mesh;
+mod motion;
 mod parallel;
 mod random;
 mod raster;
@@ -59,8 +62,9 @@ use city::City;
 use frame::Frame;
 use grid::Grid;
 use lighting::Light;
+use motion::{Motion, Stance};
 use random::Draws;
-use traffic::{Demand, Motion, Stance, Traffic};
+use traffic::{Demand, Traffic};
 
 /// Road that exists behind the start and beyond the end of the drive.
 const BEHIND_M: f64 = 120.0;
@@ -246,7 +250,7 @@ impl Scene {
     }
 
     fn stance(&self, motion: &Motion, t: f64) -> Stance {
-        traffic::stance_of(&self.city.road, motion, t, self.span)
+        motion::stance_of(&self.city.road, motion, t, self.span)
     }
 
     fn camera_unchecked(&self, t: f64) -> Camera {

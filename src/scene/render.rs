@@ -126,30 +126,99 @@ fn centres(
     let (width, height) = (i.width as usize, i.height as usize);
     let rows = rows_of(index, height);
     let mut labels = empty(width, rows, frame.t);
-    let mut sunny = Vec::new();
     for row in 0..rows {
         let y = (index * BAND_ROWS + row) as f32 + 0.5;
         for column in 0..width {
-            let x = column as f32 + 0.5;
             let id = band.id(row, column, pattern.centre);
             if id == NOTHING {
                 labels.depth_m.push(f32::INFINITY);
                 labels.instance.push(0);
                 labels.semantic.push(Semantic::Sky as u8);
                 labels.part.push(0);
-                sunny.push(0);
                 continue;
             }
             let (semantic, vehicle) = fragment::identity(frame, id);
-            labels.depth_m.push(fragment::depth(frame, id, x, y));
+            labels
+                .depth_m
+                .push(fragment::depth(frame, id, column as f32 + 0.5, y));
             labels.instance.push(vehicle.map_or(0, |v| v + 1));
             labels.semantic.push(semantic as u8);
             labels.part.push(fragment::split(id).0 as u16 + 1);
-            let sun = shadows && shade::sees_sun(frame, &fragment::at(frame, id, x, y));
-            sunny.push(u8::from(sun));
         }
     }
+    let sunny = if shadows {
+        sunlight(frame, band, pattern, index, &labels)
+    } else {
+        vec![0; width * rows]
+    };
     (labels, sunny)
+}
+
+/// Where the sun shines: a ray on every other pixel of a chessboard, and on the
+/// rest wherever their neighbours disagree. A shadow a pixel wide meets the
+/// first half, so none is lost.
+fn sunlight(
+    frame: &Frame,
+    band: &Band,
+    pattern: &Pattern,
+    index: usize,
+    labels: &Labels,
+) -> Vec<u8> {
+    let (width, rows) = (labels.width, labels.height);
+    let mut sunny = vec![0u8; width * rows];
+    let ray = |row: usize, column: usize, id: u32| {
+        let (x, y) = (column as f32 + 0.5, (index * BAND_ROWS + row) as f32 + 0.5);
+        u8::from(shade::sees_sun(
+            frame,
+            &fragment::bare(frame, id, x, y, labels.depth_m[row * width + column]),
+        ))
+    };
+    for odd in [0, 1] {
+        for row in 0..rows {
+            for column in (0..width).filter(|c| (c + row) % 2 == odd) {
+                let id = band.id(row, column, pattern.centre);
+                if id == NOTHING {
+                    continue;
+                }
+                let guess = if odd == 1 {
+                    agreed(frame, band, pattern, (row, column, rows), &sunny)
+                } else {
+                    None
+                };
+                sunny[row * width + column] = guess.unwrap_or_else(|| ray(row, column, id));
+            }
+        }
+    }
+    sunny
+}
+
+/// What the neighbours on the same surface agree on, if there are two or more.
+fn agreed(
+    frame: &Frame,
+    band: &Band,
+    pattern: &Pattern,
+    (row, column, rows): (usize, usize, usize),
+    sunny: &[u8],
+) -> Option<u8> {
+    let width = sunny.len() / rows;
+    let id = band.id(row, column, pattern.centre);
+    let key = surface_key(frame, id);
+    let (mut known, mut sum) = (0u8, 0u8);
+    for (r, c) in [
+        (row.wrapping_sub(1), column),
+        (row + 1, column),
+        (row, column.wrapping_sub(1)),
+        (row, column + 1),
+    ] {
+        if r < rows && c < width {
+            let other = band.id(r, c, pattern.centre);
+            if other == id || (other != NOTHING && surface_key(frame, other) == key) {
+                known += 1;
+                sum += sunny[r * width + c];
+            }
+        }
+    }
+    (known >= 2 && (sum == 0 || sum == known)).then_some(u8::from(sum > 0))
 }
 
 /// Labels alone.
@@ -204,7 +273,7 @@ fn shade_band(frame: &Frame, seen: &Seen, pattern: &Pattern, index: usize) -> Ve
                         shade::sky(frame, fragment::world_way(frame, gx, gy))
                     } else {
                         let f = fragment::at(frame, g.id, gx, gy);
-                        shade::shade(frame, &f, sun_share(frame, seen, pattern, &f, g, (x, y)))
+                        shade::shade(frame, &f, sun_share(frame, seen, pattern, g, (x, y)))
                     };
             }
             out.push((sum / (pattern.rows() - 1) as f32).to_array());
@@ -261,7 +330,6 @@ fn sun_share(
     frame: &Frame,
     seen: &Seen,
     pattern: &Pattern,
-    f: &fragment::Fragment,
     g: &Group,
     (x, y): (usize, usize),
 ) -> f32 {
@@ -283,8 +351,14 @@ fn sun_share(
     if known > 1 && (sunny == 0 || sunny == known) {
         return if sunny > 0 { 1.0 } else { 0.0 };
     }
+    let ray = |x: f32, y: f32| {
+        shade::sees_sun(
+            frame,
+            &fragment::bare(frame, g.id, x, y, fragment::depth(frame, g.id, x, y)),
+        )
+    };
     if g.count < 2.0 {
-        return f32::from(u8::from(shade::sees_sun(frame, f)));
+        return f32::from(u8::from(ray(g.at.0 / g.own, g.at.1 / g.own)));
     }
     let spread = [
         (0.375, 0.125),
@@ -294,12 +368,7 @@ fn sun_share(
     ];
     let rays = spread
         .iter()
-        .filter(|&&(dx, dy)| {
-            shade::sees_sun(
-                frame,
-                &fragment::at(frame, g.id, x as f32 + dx, y as f32 + dy),
-            )
-        })
+        .filter(|&&(dx, dy)| ray(x as f32 + dx, y as f32 + dy))
         .count();
     rays as f32 * 0.25
 }

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::fragment::Fragment;
+use super::fragment::{Bare, Fragment};
 use super::frame::Frame;
 use super::material::Material;
 use super::texture::{self, Look, noise};
@@ -12,22 +12,13 @@ const PI: f32 = std::f32::consts::PI;
 pub(super) const LAMP_REACH_M: f32 = 26.0;
 
 /// True where the sun (or moon) shines on a point unhindered.
-pub(super) fn sees_sun(frame: &Frame, f: &Fragment) -> bool {
+pub(super) fn sees_sun(frame: &Frame, p: &Bare) -> bool {
     let sun = frame.scene.light.sun_way;
-    let leaf = matches!(f.material, Material::Leaves(_));
-    if !leaf && (f.facet.dot(sun) <= 0.0 || f.normal.dot(sun) <= 0.0) {
+    if !p.leaf && p.facet.dot(sun) <= 0.0 {
         return false;
     }
     // Leaves look past their own tuft.
-    let origin = if leaf {
-        f.world + sun * 0.35
-    } else {
-        f.world + f.facet * 0.03
-    };
-    sees(frame, origin, sun)
-}
-
-fn sees(frame: &Frame, origin: Vec3, sun: Vec3) -> bool {
+    let origin = p.world + if p.leaf { sun * 0.35 } else { p.facet * 0.03 };
     if frame.scene.city.bvh.blocked(origin, sun, 0.0, 400.0) {
         return false;
     }
@@ -199,43 +190,73 @@ fn glint(f: &Fragment, look: &Look, to: Vec3) -> f32 {
     (0.25 * spread * fresnel * mask * nl).min(60.0)
 }
 
-/// Street lamps near the fragment, each with a shadow ray if it matters.
+/// What a street lamp would give to a point if nothing stood between.
+struct Offer {
+    to: Vec3,
+    distance: f32,
+    cosine: f32,
+    /// Illuminance on a surface that faces the lamp, and on this one.
+    lux: f32,
+    diffuse: f32,
+}
+
+fn offer(frame: &Frame, f: &Fragment, look: &Look, index: u16) -> Option<Offer> {
+    let light = &frame.scene.light;
+    let lamp = &frame.scene.city.lamps[index as usize];
+    let to = lamp.position - f.world;
+    let distance = to.length();
+    if !(0.05..LAMP_REACH_M).contains(&distance) {
+        return None;
+    }
+    let to = to / distance;
+    let cosine = f.normal.dot(to);
+    let through = look.through * 0.6 * (-cosine).max(0.0);
+    // A cut-off luminaire: wide below, nothing above the horizontal.
+    let lobe = noise::smooth(0.0, 0.55, to.z) * (1.0 - (distance / LAMP_REACH_M).powi(4));
+    let level = light.lamp_cd * lamp.strength * light.lamp_level(frame.t, lamp.phase);
+    let lux = level * lobe / (distance * distance);
+    let diffuse = lux * (cosine.max(0.0) + through);
+    (diffuse > 0.0).then_some(Offer {
+        to,
+        distance,
+        cosine,
+        lux,
+        diffuse,
+    })
+}
+
+/// Street lamps near the fragment; those that matter get a shadow ray each.
 fn lamps(frame: &Frame, f: &Fragment, look: &Look, arriving: &mut Arriving) {
     let scene = frame.scene;
-    let light = &scene.light;
-    for &i in scene.lamp_grid.at(f.world.truncate()) {
-        let lamp = &scene.city.lamps[i as usize];
-        let to = lamp.position - f.world;
-        let distance = to.length();
-        if !(0.05..LAMP_REACH_M).contains(&distance) {
-            continue;
-        }
-        let to = to / distance;
-        let cosine = f.normal.dot(to);
-        let through = look.through * 0.6 * (-cosine).max(0.0);
-        // A cut-off luminaire: wide below, nothing above the horizontal.
-        let lobe = noise::smooth(0.0, 0.55, to.z) * (1.0 - (distance / LAMP_REACH_M).powi(4));
-        let level = light.lamp_cd * lamp.strength * light.lamp_level(frame.t, lamp.phase);
-        let lux = level * lobe / (distance * distance);
-        let diffuse = lux * (cosine.max(0.0) + through);
-        if diffuse < 0.02 {
-            continue;
-        }
+    let place = f.world.truncate();
+    let near = scene.lamp_grid.at(place);
+    let total: f32 = near
+        .iter()
+        .filter_map(|&i| offer(frame, f, look, i))
+        .map(|o| o.diffuse)
+        .sum();
+    for o in near.iter().filter_map(|&i| offer(frame, f, look, i)) {
         let origin = f.world
             + f.facet * 0.03
             + if look.through > 0.0 {
-                to * 0.35
+                o.to * 0.35
             } else {
                 Vec3::ZERO
             };
-        let reach = distance - 0.4;
-        let dark = scene.city.bvh.blocked(origin, to, 0.0, reach)
-            || frame.blocked_by(frame.near.at(f.world.truncate()), origin, to, reach);
-        if !dark {
-            arriving.lux += light.lamp_tint * diffuse;
-            if cosine > 0.0 {
-                arriving.glint += light.lamp_tint * (lux * glint(f, look, to));
-            }
+        let reach = o.distance - 0.4;
+        // Half of a faint lamp's light is a fair guess, and saves most rays.
+        let seen = if o.diffuse < 0.07 * total {
+            0.5
+        } else if scene.city.bvh.blocked(origin, o.to, 0.0, reach)
+            || frame.blocked_by(frame.near.at(place), origin, o.to, reach)
+        {
+            0.0
+        } else {
+            1.0
+        };
+        arriving.lux += scene.light.lamp_tint * (o.diffuse * seen);
+        if o.cosine > 0.0 && seen > 0.0 {
+            arriving.glint += scene.light.lamp_tint * (o.lux * seen * glint(f, look, o.to));
         }
     }
 }

@@ -1,59 +1,19 @@
 //! Who drives where: lanes of cars that follow one another, parked cars,
 //! cars that wait in side streets, and the camera's own car.
 //!
-//! Cars of a lane obey the intelligent driver model (Treiber, Hennecke and
-//! Helbing, Phys. Rev. E 62, 1805, 2000), which does not collide; nobody
-//! changes lanes. The drive is integrated once when the scene is built.
+//! Nobody changes lanes, and cars of a lane keep their distance (`follow.rs`),
+//! so nobody collides. The drive is integrated once when the scene is built.
 
-use glam::{DAffine3, DVec2, DVec3, Vec3};
+use glam::{DVec2, Vec3};
 
+use super::follow::{Driver, drive, insert_ego};
+use super::motion::{Motion, stance_of};
 use super::random::Draws;
 use super::road::Road;
 use super::vehicle::{Shape, VehicleClass};
 
-/// Time step of the integration; positions between steps follow a cubic.
-const STEP_S: f64 = 0.05;
-/// Time before the start of the scene in which the traffic settles.
-const SETTLE_S: f64 = 5.0;
 /// Length of the camera's own car, which is not drawn.
-const EGO_LENGTH_M: f64 = 4.4;
-
-/// Arc length and speed along the road at every step.
-#[derive(Clone, Debug)]
-pub(super) struct Track {
-    start_s: f64,
-    states: Vec<(f64, f64)>,
-}
-
-impl Track {
-    /// Arc length (m) and speed (m/s) at `t`.
-    pub fn at(&self, t: f64) -> (f64, f64) {
-        let x = ((t - self.start_s) / STEP_S).clamp(0.0, (self.states.len() - 1) as f64 - 1e-9);
-        let (i, u) = (x as usize, x - x.floor());
-        let ((p0, v0), (p1, v1)) = (self.states[i], self.states[i + 1]);
-        let (m0, m1) = (v0 * STEP_S, v1 * STEP_S);
-        let (u2, u3) = (u * u, u * u * u);
-        let s = p0 * (2.0 * u3 - 3.0 * u2 + 1.0)
-            + m0 * (u3 - 2.0 * u2 + u)
-            + p1 * (3.0 * u2 - 2.0 * u3)
-            + m1 * (u3 - u2);
-        (s, v0 + (v1 - v0) * u)
-    }
-}
-
-/// How a vehicle moves.
-#[derive(Clone, Debug)]
-pub(super) enum Motion {
-    /// Along a lane; `track` runs in its own direction of travel.
-    Lane {
-        track: Track,
-        d: f64,
-        forward: bool,
-        sway: f64,
-    },
-    /// Stands at a place with a heading.
-    Still { at: DVec2, heading: f64 },
-}
+pub(super) const EGO_LENGTH_M: f64 = 4.4;
 
 /// One vehicle of the scene.
 #[derive(Clone, Debug)]
@@ -62,17 +22,6 @@ pub(super) struct Vehicle {
     pub paint: Vec3,
     pub motion: Motion,
     pub seed: u32,
-}
-
-/// Where a vehicle is and how far its wheels have rolled.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Stance {
-    pub at: DVec2,
-    pub heading: f64,
-    pub rolled_m: f64,
-    pub speed: f64,
-    /// Outside the stretch of road that exists.
-    pub gone: bool,
 }
 
 /// All traffic of a scene.
@@ -216,9 +165,7 @@ impl Traffic {
         let mut tracks = drive(&mut drivers, demand.duration_s);
         if let Some(index) = ego {
             let shift = tracks[index].at(0.0).0;
-            tracks
-                .iter_mut()
-                .for_each(|t| t.states.iter_mut().for_each(|x| x.0 -= shift));
+            tracks.iter_mut().for_each(|t| t.shift(-shift));
         }
         let d = road.lane_d(lane, forward);
         for (driver, track) in drivers.into_iter().zip(tracks) {
@@ -330,131 +277,9 @@ impl Traffic {
     }
 }
 
-struct Driver {
-    s: f64,
-    v: f64,
-    wish: f64,
-    length: f64,
-    vehicle: Option<Vehicle>,
-}
-
-/// Puts the camera's car at s = 0 and clears its surroundings.
-fn insert_ego(drivers: &mut Vec<Driver>, ego_mps: f64) -> usize {
-    let gap = 8.0 + 0.8 * ego_mps;
-    drivers.retain(|d| d.s.abs() > 0.5 * (d.length + EGO_LENGTH_M) + gap);
-    let index = drivers.iter().filter(|d| d.s < 0.0).count();
-    if let Some(leader) = drivers.get_mut(index) {
-        leader.wish = leader.wish.max(ego_mps);
-    }
-    drivers.insert(
-        index,
-        Driver {
-            s: 0.0,
-            v: ego_mps,
-            wish: ego_mps,
-            length: EGO_LENGTH_M,
-            vehicle: None,
-        },
-    );
-    index
-}
-
-/// Integrates the lane (drivers ascending by position) over the whole drive.
-fn drive(drivers: &mut [Driver], duration_s: f64) -> Vec<Track> {
-    let steps = ((duration_s + SETTLE_S) / STEP_S).ceil() as usize + 2;
-    let mut tracks: Vec<Track> = drivers
-        .iter()
-        .map(|_| Track {
-            start_s: -SETTLE_S,
-            states: Vec::with_capacity(steps),
-        })
-        .collect();
-    for _ in 0..steps {
-        for (d, t) in drivers.iter().zip(&mut tracks) {
-            t.states.push((d.s, d.v));
-        }
-        let pulls: Vec<f64> = (0..drivers.len())
-            .map(|i| acceleration(&drivers[i], drivers.get(i + 1)))
-            .collect();
-        for (d, a) in drivers.iter_mut().zip(pulls) {
-            let v = (d.v + a * STEP_S).max(0.0);
-            d.s += 0.5 * (d.v + v) * STEP_S;
-            d.v = v;
-        }
-    }
-    tracks
-}
-
-/// The intelligent driver model with common urban parameters.
-fn acceleration(me: &Driver, leader: Option<&Driver>) -> f64 {
-    const ACCELERATION: f64 = 1.5;
-    const BRAKING: f64 = 2.0;
-    const HEADWAY_S: f64 = 1.2;
-    const STANDSTILL_M: f64 = 2.5;
-    let free = 1.0 - (me.v / me.wish.max(0.1)).powi(4);
-    let pressure = leader.map_or(0.0, |l| {
-        let gap = (l.s - me.s - 0.5 * (l.length + me.length)).max(0.3);
-        let wanted = STANDSTILL_M
-            + (me.v * HEADWAY_S + me.v * (me.v - l.v) / (2.0 * (ACCELERATION * BRAKING).sqrt()))
-                .max(0.0);
-        (wanted / gap).powi(2)
-    });
-    (ACCELERATION * (free - pressure)).max(-8.0)
-}
-
-/// Where `motion` has brought its vehicle at `t`.
-pub(super) fn stance_of(road: &Road, motion: &Motion, t: f64, span: (f64, f64)) -> Stance {
-    match motion {
-        Motion::Still { at, heading } => Stance {
-            at: *at,
-            heading: *heading,
-            rolled_m: 0.0,
-            speed: 0.0,
-            gone: false,
-        },
-        Motion::Lane {
-            track,
-            d,
-            forward,
-            sway,
-        } => {
-            let (run, speed) = track.at(t);
-            let s = if *forward { run } else { -run };
-            // A driver sways by a hand's breadth within the lane.
-            let (k, amplitude) = (0.045, 0.11);
-            let offset = d + amplitude * libm::sin(k * s + sway);
-            let slope = amplitude * k * libm::cos(k * s + sway);
-            let turn = if *forward { 0.0 } else { std::f64::consts::PI };
-            let heading =
-                road.heading(s) + libm::atan(slope / (1.0 - d * road.curvature(s))) + turn;
-            // The arc length of a parallel curve differs by offset times turning.
-            let length = s - d * (road.heading(s) - road.heading(0.0));
-            Stance {
-                at: road.point(s, offset),
-                heading,
-                rolled_m: if *forward { length } else { -length },
-                speed,
-                gone: s < span.0 + 8.0 || s > span.1 - 8.0,
-            }
-        }
-    }
-}
-
-impl Stance {
-    /// From the vehicle's coordinates to the world's.
-    pub fn to_world(self) -> DAffine3 {
-        let (sin, cos) = libm::sincos(self.heading);
-        DAffine3::from_cols(
-            DVec3::new(cos, sin, 0.0),
-            DVec3::new(-sin, cos, 0.0),
-            DVec3::Z,
-            self.at.extend(0.0),
-        )
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::motion::Stance;
     use super::*;
 
     fn drive_of(seed: u64) -> (Road, Traffic, (f64, f64)) {

@@ -16,6 +16,8 @@ pub(super) const SIDE_PAVEMENT_M: f64 = 2.5;
 /// How far side streets reach from the middle of the road.
 pub(super) const SIDE_REACH_M: f64 = 85.0;
 const KERB_WIDTH_M: f64 = 0.2;
+/// How far a tunnel's wall stands inside the pavement's edge.
+const WALL_M: f64 = 0.3;
 
 pub(super) fn build(city: &mut City, start_s: f64, end_s: f64) {
     let City { road, mesh, .. } = city;
@@ -133,7 +135,16 @@ fn pavement_profile(road: &Road) -> Profile {
         road.half_m() + KERB_WIDTH_M,
         road.half_m() + road.pavement_m,
     );
-    vec![(near, KERB_M), (0.5 * (near + far), KERB_M), (far, KERB_M)]
+    let middle = 0.5 * (near + far);
+    // The last strip lies behind a tunnel's wall, and the daylight baked on it
+    // stays there.
+    vec![
+        (near, KERB_M),
+        (middle, KERB_M),
+        (far - WALL_M - 0.02, KERB_M),
+        (far - WALL_M + 0.02, KERB_M),
+        (far, KERB_M),
+    ]
 }
 
 /// Extrudes a profile along both sides of the road.
@@ -245,7 +256,7 @@ impl SideFrame {
 
 /// Walls, vault, ceiling lamps, and the portal walls at both ends.
 fn tunnel(road: &Road, mesh: &mut Mesh, a: f64, b: f64) {
-    let wall = road.half_m() + road.pavement_m;
+    let wall = road.half_m() + road.pavement_m - WALL_M;
     // Offset, height and running length over the profile, from wall to crown.
     let profile: [(f64, f64); 5] = [
         (wall, 0.0),

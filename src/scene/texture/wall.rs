@@ -208,20 +208,7 @@ fn shop(spot: &Spot, style: &Facade, sign: Vec3, wall: Look, light: &Light) -> L
     let lit_board = Vec3::splat(0.25 * light.window_cd_m2);
     let mut board_look = Look::glossy(sign.lerp(contrast, ink), 0.04, 0.4);
     board_look.emission = lit_board * board_look.albedo * 2.0;
-    // Goods in the window: soft blotches of colour on shelves.
-    let full = 0.35 + 0.65 * smooth(2.1, 0.7, v);
-    let shelf = 0.04
-        + 0.16
-            * full
-            * (0.5 + 0.5 * grain(spot.uv * Vec2::new(1.0, 0.5), 0.17, foot, style.seed ^ 5))
-        + 0.04 * pulses(v, 0.6, 0.0, 0.06, f.y);
-    // Taller than wide, and denser below eye level, as displays are.
-    let goods = spot.uv * Vec2::new(1.0, 0.55);
-    let hue = Vec3::new(
-        1.0 + 0.35 * grain(goods, 0.22, foot, style.seed ^ 6),
-        1.0 + 0.25 * grain(goods, 0.26, foot, style.seed ^ 7),
-        1.0 + 0.35 * grain(goods, 0.24, foot, style.seed ^ 8),
-    );
+    let (shelf, hue) = goods(spot, style.seed);
     let mut window = Look::glossy(hue * shelf, 0.07, 0.04);
     window.emission = hue * Vec3::new(1.1, 1.0, 0.8) * (light.window_cd_m2 * (0.08 + 2.2 * shelf));
     let mut door_look = Look::glossy(Vec3::splat(0.05), 0.07, 0.05);
@@ -229,6 +216,34 @@ fn shop(spot: &Spot, style: &Facade, sign: Vec3, wall: Look, light: &Light) -> L
     wall.mix(board_look, board)
         .mix(window, pane_on)
         .mix(door_look, door)
+}
+
+/// Goods on shelves behind a shop's window: how bright, and of which colour.
+fn goods(spot: &Spot, seed: u32) -> (f32, Vec3) {
+    let (p, foot) = (spot.uv, spot.foot.max_element());
+    let size = Vec2::new(0.42, 0.6);
+    let cell = (p / size).floor();
+    let draw = |k: u32| unit(cell.x as i32, cell.y as i32, seed ^ (k * 104_729));
+    let at = p - cell * size;
+    let (left, top) = (0.04 + 0.16 * draw(1), 0.2 + 0.36 * draw(2));
+    let right = (left + 0.12 + 0.16 * draw(3)).min(0.40);
+    let item = inside(at.x, left, right, spot.foot.x) * inside(at.y, 0.05, top, spot.foot.y);
+    let one = fade(0.4, foot);
+    // Displays are dense below eye level; above it hangs a sign now and then.
+    let present = if draw(4) < 0.75 * smooth(2.4, 1.2, p.y) {
+        1.0
+    } else {
+        0.0
+    };
+    let item = 0.25 + (item * present - 0.25) * one;
+    let colour = Vec3::new(
+        0.55 + 0.6 * draw(5),
+        0.55 + 0.5 * draw(6),
+        0.5 + 0.6 * draw(7),
+    );
+    let colour = Vec3::splat(0.85).lerp(colour, item * one);
+    let board = pulses(p.y, size.y, 0.0, 0.05, spot.foot.y);
+    (0.05 + 0.13 * item + 0.04 * board, colour)
 }
 
 /// Roof tiles in courses, from red to slate.
