@@ -177,3 +177,15 @@ fn impossible_cameras_and_speeds_are_refused() {
         Kind::Usage
     );
 }
+
+#[test]
+fn a_drive_of_ten_kilometres_is_refused_with_a_remedy() {
+    let long = SceneOptions {
+        duration_s: 120.0,
+        speed_kmh: Some(300.0),
+        ..options()
+    };
+    let error = Scene::random(1, &long).unwrap_err();
+    assert_eq!(error.kind(), Kind::Usage);
+    assert!(error.to_string().contains("shorten the drive"), "{error}");
+}

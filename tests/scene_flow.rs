@@ -174,32 +174,44 @@ fn key_frames_bound_the_motion_between_them() {
     }
 }
 
+/// Mean absolute difference in units of the mean.
+fn difference(x: &[f32], truth: &[f32]) -> f64 {
+    let sum: f64 = x
+        .iter()
+        .zip(truth)
+        .map(|(p, q)| f64::from((p - q).abs()))
+        .sum();
+    sum / truth.iter().map(|&q| f64::from(q)).sum::<f64>()
+}
+
 #[test]
 fn warped_frames_come_close_to_true_renders() {
     let scene = scene(6, Lighting::LowSun);
-    let plan = scene.keyframes(0.5, 0.505, 40_000.0, 1).unwrap();
-    let (i, j) = (plan.keys[2], plan.keys[3]);
-    assert!(j - i >= 2, "no readout between keys {i} and {j}");
-    let render = |k: usize| scene.render(plan.readouts[k], Samples::Four, 1).unwrap();
-    let (a, b, truth) = (render(i), render(j), render(i.midpoint(j)));
-    let warped = Warp::new(&scene, &a, &b)
-        .unwrap()
-        .light(plan.readouts[i.midpoint(j)])
-        .unwrap();
-    let error = |x: &[f32]| {
-        let sum: f64 = x
-            .iter()
-            .zip(&truth.light)
-            .map(|(p, q)| f64::from((p - q).abs()))
-            .sum();
-        sum / truth.light.iter().map(|&q| f64::from(q)).sum::<f64>()
-    };
-    let (warp, hold) = (error(&warped), error(&a.light));
-    // Half a pixel moves some percent of the light at edges; four samples a
-    // pixel leave noise of a similar kind in the truth itself.
-    assert!(warp < 0.02, "warping is off by {warp} of the mean");
+    let plan = scene.keyframes(0.5, 0.53, 40_000.0, 1).unwrap();
+    let render = |k: usize| scene.render(plan.readouts[k], Samples::Sixteen, 1).unwrap();
+    let mut errors = Vec::new();
+    for (first, last) in [(2, 3), (2, 14)] {
+        let (i, j) = (plan.keys[first], plan.keys[last]);
+        assert!(j - i >= 2, "no readout between keys {i} and {j}");
+        let (a, b, truth) = (render(i), render(j), render(i.midpoint(j)));
+        let warped = Warp::new(&scene, &a, &b)
+            .unwrap()
+            .light(plan.readouts[i.midpoint(j)])
+            .unwrap();
+        errors.push((
+            difference(&warped, &truth.light),
+            difference(&a.light, &truth.light),
+        ));
+    }
+    let (planned, far) = (errors[0], errors[1]);
+    // Most of what is left is the truth's own noise: sixteen samples a pixel put
+    // an edge off by up to 1/32 px, in every one of the three renders.
     assert!(
-        warp < 0.8 * hold,
-        "warping ({warp}) must beat holding ({hold})"
+        planned.0 < 0.002,
+        "warping is off by {} of the mean",
+        planned.0
     );
+    assert!(planned.0 < planned.1, "{planned:?}");
+    // Six pixels apart the motion outweighs that noise.
+    assert!(far.0 < 0.7 * far.1, "{far:?}");
 }

@@ -126,7 +126,8 @@ impl Scene {
     /// The scene of `seed`.
     ///
     /// # Errors
-    /// When an option lies outside its range.
+    /// When an option lies outside its range, or the drive is too long for one
+    /// scene (several kilometres).
     pub fn random(seed: u64, options: &SceneOptions) -> Result<Self> {
         let draws = Draws::new(seed, "scene");
         let lighting = options
@@ -153,6 +154,7 @@ impl Scene {
             tunnel: tunnel.is_some(),
         };
         let traffic = Traffic::random(seed, &city.road, &demand);
+        check_counts(&city, &traffic)?;
         let reach = shade::LAMP_REACH_M;
         let lamps: Vec<_> = city
             .lamps
@@ -261,6 +263,27 @@ impl Scene {
             speed_mps: stance.speed,
         }
     }
+}
+
+/// A sample of the visibility buffer names its part and triangle in 32 bits.
+fn check_counts(city: &City, traffic: &Traffic) -> Result<()> {
+    let triangles = city.mesh.triangles.len();
+    let parts: usize = traffic
+        .vehicles
+        .iter()
+        .map(|v| 1 + traffic.shapes[v.shape].axles.len())
+        .sum();
+    let (most, most_parts) = (
+        1 << raster::TRIANGLE_BITS,
+        (1 << (32 - raster::TRIANGLE_BITS)) - 2,
+    );
+    if triangles < most && parts < most_parts {
+        return Ok(());
+    }
+    Err(Error::new(Kind::Usage, "scene")
+        .found(format_args!("{triangles} triangles, {parts} moving parts"))
+        .expected(format_args!("fewer than {most} and {most_parts}"))
+        .remedy("shorten the drive or slow it down; several scenes cover a longer one"))
 }
 
 fn check(options: &SceneOptions, speed_kmh: f64, fov_deg: f64) -> Result<Intrinsics> {
