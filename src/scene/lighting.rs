@@ -144,7 +144,7 @@ impl Light {
             tunnel_lux: 0.0,
             haze_m: draws.range_f32(5, 1_200.0, 2_500.0),
             wet: 0.0,
-            white_cd_m2: 16_000.0,
+            white_cd_m2: 20_000.0,
             flicker: flicker_hz.map(|hz| (hz, draws.range_f32(6, 0.35, 0.8))),
         };
         base.preset(

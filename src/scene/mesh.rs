@@ -187,6 +187,24 @@ impl Mesh {
         }
     }
 
+    /// Gives the open vertices of small things one visibility for all of each
+    /// thing, `bake(a point 1 m above its foot)`, shared out by their tilt:
+    /// rays for every corner of a pole would cost more than all houses.
+    pub fn bake_small(&mut self, radius: f32, bake: impl Fn(Vec3) -> f32) {
+        for chunk in self.chunks.iter().filter(|c| c.radius < radius) {
+            let vertices =
+                &mut self.vertices[chunk.vertices.start as usize..chunk.vertices.end as usize];
+            let foot = vertices
+                .iter()
+                .map(|v| v.position.z)
+                .fold(f32::MAX, f32::min);
+            let sky = bake(chunk.centre.truncate().extend(foot + 1.0));
+            for v in vertices.iter_mut().filter(|v| v.sky == UNBAKED) {
+                v.sky = sky * (0.5 + 0.5 * v.normal.z);
+            }
+        }
+    }
+
     /// Replaces every open sky visibility by `bake(position, normal)`.
     pub fn bake(&mut self, bake: impl Fn(Vec3, Vec3) -> f32) {
         for v in &mut self.vertices {

@@ -69,6 +69,8 @@ use traffic::{Demand, Traffic};
 /// Road that exists behind the start and beyond the end of the drive.
 const BEHIND_M: f64 = 120.0;
 const AHEAD_M: f64 = 420.0;
+/// Longer drives are refused before their city is built.
+const LONGEST_M: f64 = 5_000.0;
 
 /// What a scene is asked to be; what is left open follows from the seed.
 #[derive(Clone, Debug, PartialEq)]
@@ -348,6 +350,13 @@ fn check(options: &SceneOptions, speed_kmh: f64, fov_deg: f64) -> Result<Intrins
         "pixels",
         "render at a smaller size",
     )?;
+    let distance = speed_kmh / 3.6 * options.duration_s;
+    if distance > LONGEST_M {
+        return Err(Error::new(Kind::Usage, "drive")
+            .found(format_args!("{distance:.0} m"))
+            .expected(format_args!("up to {LONGEST_M} m"))
+            .remedy("shorten the drive or slow it down; several scenes cover a longer one"));
+    }
     let half = 0.5 * f64::from(options.width);
     Ok(Intrinsics {
         width: options.width,

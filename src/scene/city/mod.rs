@@ -119,6 +119,8 @@ impl City {
 
     fn bake(&mut self, end_s: f64) {
         let bvh = &self.bvh;
+        self.mesh
+            .bake_small(6.0, |p| sky_visibility(bvh, p, Vec3::Z));
         self.mesh.bake(|p, n| sky_visibility(bvh, p, n));
         let count = ((end_s - self.start_s) / SKY_STEP_M) as usize + 2;
         self.sky_along = (0..count)
