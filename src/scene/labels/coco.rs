@@ -16,9 +16,8 @@ pub struct Coco {
 const CLASSES: [Semantic; 3] = [Semantic::Car, Semantic::Bus, Semantic::Truck];
 
 impl Coco {
-    /// Adds an image with the vehicles that are visible in it. `extra` is
-    /// added to the image's record under the key "readout" and states which
-    /// readout of the stream the labels belong to.
+    /// Adds an image with the vehicles that are visible in it; `readout` states
+    /// which readout of the stream the labels belong to.
     pub fn add(&mut self, file_name: &str, readout: u64, labels: &Labels, boxes: &[VehicleBox]) {
         let image_id = self.images.len() + 1;
         self.images.push(json!({
