@@ -48,6 +48,8 @@ pub mod plan;
 #[cfg(feature = "files")]
 pub mod presets;
 pub mod reconstruct;
+#[cfg(feature = "scene")]
+pub mod scene;
 pub mod sensor;
 pub mod simulate;
 pub mod spikes;
