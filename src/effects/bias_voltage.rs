@@ -32,9 +32,5 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern)
 fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
     // The mean of 1/(1 + e) is 1 + var(e) to second order.
     let variance = (v[1] / at.swing_v).powi(2);
-    Some(Moments {
-        rate: at.increment() * variance,
-        phase_variance: 0.0,
-        spatial_variance: variance,
-    })
+    Some(Moments { rate: at.increment() * variance, phase_variance: 0.0, spatial_variance: variance })
 }

@@ -1,7 +1,7 @@
 //! Spikes that the readout loses.
 
 use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_edit};
-use crate::pixel::{Op};
+use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
@@ -10,9 +10,7 @@ pub const EFFECT: Definition = Definition {
     name: "missed_spikes",
     summary: "A spike is not reported; the charge is gone all the same.",
     source: "bit errors",
-    params: &[
-        Param::number("probability", Unit::One, (0.0, 1.0), 0.0, 1e-3, "per spike"),
-    ],
+    params: &[Param::number("probability", Unit::One, (0.0, 1.0), 0.0, 1e-3, "per spike")],
     edit: no_edit,
     ops,
     moments,
@@ -24,5 +22,9 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
 
 fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
     let rate = -v[0] * at.increment().min(1.0);
-    (v[0] == 0.0).then(Moments::default).or(Some(Moments { rate, phase_variance: f64::NAN, spatial_variance: 0.0 }))
+    (v[0] == 0.0).then(Moments::default).or(Some(Moments {
+        rate,
+        phase_variance: f64::NAN,
+        spatial_variance: 0.0,
+    }))
 }
