@@ -21,10 +21,10 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
 }
 
 fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
-    let rate = v[0] * (1.0 - at.increment().min(1.0));
-    (v[0] == 0.0).then(Moments::default).or(Some(Moments {
-        rate,
-        phase_variance: f64::NAN,
-        spatial_variance: 0.0,
-    }))
+    let x = at.increment().min(1.0);
+    let rate = v[0] * (1.0 - x);
+    // For many intervals D(n) times the squared rate grows by the variance over the mean of the
+    // counts; only the false ones vary.
+    let phase_variance = if rate == 0.0 { 0.0 } else { rate * (1.0 - v[0]) / (x + rate) };
+    Some(Moments { rate, phase_variance, spatial_variance: 0.0 })
 }

@@ -21,10 +21,7 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
 }
 
 fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
-    let rate = -v[0] * at.increment().min(1.0);
-    (v[0] == 0.0).then(Moments::default).or(Some(Moments {
-        rate,
-        phase_variance: f64::NAN,
-        spatial_variance: 0.0,
-    }))
+    // Thinning a regular train: a reported interval is a geometric number of true ones, of
+    // variance v / (1 - v)^2 in true intervals, and the squared rate takes (1 - v)^2 off.
+    Some(Moments { rate: -v[0] * at.increment().min(1.0), phase_variance: v[0], spatial_variance: 0.0 })
 }

@@ -75,7 +75,14 @@ pub fn oracle(model: &Model, light: &[f32], warm: usize, readouts: usize, seed: 
     Times { readouts, pixels: pixels.collect() }
 }
 
-fn one(model: &Model, law: &Law, light: f64, warm: usize, readouts: usize, noise: &mut Independent) -> Vec<u32> {
+fn one(
+    model: &Model,
+    law: &Law,
+    light: f64,
+    warm: usize,
+    readouts: usize,
+    noise: &mut Independent,
+) -> Vec<u32> {
     let (first, second) = (noise.uniform(), noise.uniform());
     let mut state = law.start(model.start_charge(law.threshold, first, second), noise);
     for _ in 0..warm {
@@ -168,9 +175,9 @@ impl Times {
 
     /// `D(n)`: per pixel the mean square of `t[k+n] - t[k]` about `n` times the pixel's own
     /// mean interval (last minus first spike, over their number less one), then the mean over
-    /// the pixels that hold at least `2 n` intervals.
+    /// the pixels that hold more than `1.5 n` spikes.
     pub fn d(&self, n: usize) -> Estimate {
-        Estimate::of(self.pixels.iter().filter(|t| t.len() > 2 * n).map(|t| {
+        Estimate::of(self.pixels.iter().filter(|t| 2 * t.len() > 3 * n && t.len() > n + 1).map(|t| {
             let mean = mean_interval(t);
             let square = |(a, b): (&u32, &u32)| (f64::from(b - a) - n as f64 * mean).powi(2);
             t.iter().zip(&t[n..]).map(square).sum::<f64>() / (t.len() - n) as f64
