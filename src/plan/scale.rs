@@ -100,11 +100,14 @@ pub(super) fn choose(model: &Model, light: f64) -> Result<Scale> {
         0.97 * gauss::SCALE / e.noise,
         0.97 * gauss::SCALE / e.shot,
         if surplus {
-            // An increment on an empty pixel, with its noise.
-            31_000.0 / (e.increment + reach * e.shot)
+            // An increment with its noise, on a pixel that a high threshold has just kept silent,
+            // less a threshold that is as low.
+            31_000.0 / (e.increment + reach * (e.shot + 2.0 * e.noise))
         } else {
-            // The largest charge, and the noise that a saturated sum still has to hold.
-            32_000.0 / (e.ceiling * e.threshold + reach * e.shot)
+            // The largest charge, and the noise that a saturated sum still has to hold; or what a
+            // threshold that noise has lowered leaves of it.
+            let most = e.ceiling * e.threshold;
+            (32_000.0 / (most + reach * e.shot)).min(32_000.0 / (most - e.threshold + reach * e.noise))
         },
     ];
     let limit = most.into_iter().fold(f64::INFINITY, f64::min);
