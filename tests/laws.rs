@@ -81,7 +81,8 @@ fn spikes_of_paired_pixels_drift_apart() {
         t.iter().for_each(|&s| counts[s as usize / 1000] += 1.0);
         counts.map(|c| c - t.len() as f64 / 20.0).to_vec()
     };
-    let side = |k: usize| -> Vec<f64> { times.pixels.iter().skip(k).step_by(2).flat_map(residuals).collect() };
+    let side =
+        |k: usize| -> Vec<f64> { times.pixels.iter().skip(k).step_by(2).flat_map(residuals).collect() };
     let r = correlation(&side(0), &side(1));
     assert!(r.abs() < 4.5 / 100.0, "{r}");
 }
@@ -106,15 +107,21 @@ fn the_camera_seed_alone_moves_the_fixed_pattern_and_the_shot_seed_alone_the_noi
     assert!(pattern.abs() < 4.5 / 100.0, "the camera seed left the fixed pattern: {pattern}");
     assert_ne!(base.1, other_shot.1, "the shot seed left the temporal noise");
     // The camera seed leaves the temporal draws: pixels without fixed pattern fire the same bits.
-    let plain = camera_with(100, 100, &[("shot_noise", &[("strength", 1.0)]), ("start_phase", &[("share", 1.0)])]);
-    let bits = |camera_seed, shot| {
-        packed(&plain, Seeds { camera: camera_seed, shot, sequence: 0 }, &light, 100)
-    };
+    let plain =
+        camera_with(100, 100, &[("shot_noise", &[("strength", 1.0)]), ("start_phase", &[("share", 1.0)])]);
+    let bits =
+        |camera_seed, shot| packed(&plain, Seeds { camera: camera_seed, shot, sequence: 0 }, &light, 100);
     assert!(bits(1, 1) == bits(2, 1) && bits(1, 1) != bits(1, 2));
 }
 
 /// One way to run: how many readouts each push takes, whether the state goes through bytes between.
-fn run_in_pieces(plan: &Plan, light: &[f32], pieces: &[usize], save: bool, threads: usize) -> (Vec<u8>, State) {
+fn run_in_pieces(
+    plan: &Plan,
+    light: &[f32],
+    pieces: &[usize],
+    save: bool,
+    threads: usize,
+) -> (Vec<u8>, State) {
     let geometry = plan.geometry();
     let fresh = || with_threads(Simulator::of_plan(plan.clone()), threads);
     let mut simulator = fresh();
