@@ -42,11 +42,14 @@ pub mod error;
 pub mod formats;
 pub mod kernels;
 pub mod light;
+pub mod measure;
 pub mod pixel;
 pub mod plan;
 #[cfg(feature = "files")]
 pub mod presets;
 pub mod reconstruct;
+#[cfg(feature = "scene")]
+pub mod scene;
 pub mod sensor;
 pub mod simulate;
 pub mod spikes;

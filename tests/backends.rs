@@ -75,7 +75,7 @@ fn run(
 ) -> (Vec<Vec<u8>>, State) {
     let (from, to) = frames.pair();
     let held = readouts / 2;
-    let weights: Vec<f32> = (0..readouts - held).map(|i| i as f32 / 16.0).collect();
+    let weights: Vec<f32> = (0..readouts - held).map(|i| i as f32 / 64.0).collect();
     let segments = [
         Segment { readouts: held, light: Light::Held(from) },
         Segment { readouts: readouts - held, light: Light::Between { from, to, weights: &weights } },

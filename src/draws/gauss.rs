@@ -18,13 +18,13 @@ pub const HIGH: [i8; 16] = [-63, -47, -34, -28, -20, -15, -9, -4, 4, 9, 15, 20, 
 /// Weights of the low and the high byte.
 pub const WEIGHTS: [i16; 2] = [23, 22];
 
-/// Variance of [`unit`] over its 65,536 arguments, exactly.
+/// Variance of [`unit()`] over its 65,536 arguments, exactly.
 pub const VARIANCE: f64 = 1_793_516.5;
 
-/// Standard deviation of [`unit`]: the square root of [`VARIANCE`].
+/// Standard deviation of [`unit()`]: the square root of [`VARIANCE`].
 pub const SCALE: f64 = 1_339.222_348_977_197;
 
-/// The largest value of [`unit`].
+/// The largest value of [`unit()`].
 pub const LARGEST: i16 = 5715;
 
 /// A value of mean 0 and standard deviation [`SCALE`].

@@ -41,6 +41,40 @@ macro_rules! proven {
     }};
 }
 
+/// The same expression for both vectors of a pair. (A closure given to `map`
+/// might be compiled apart, without the instructions of its caller.)
+macro_rules! both {
+    ($v:ident => $e:expr) => {{
+        let [first, second] = $v;
+        [
+            {
+                let $v = first;
+                $e
+            },
+            {
+                let $v = second;
+                $e
+            },
+        ]
+    }};
+}
+
+/// The same expression for both positions of a pair.
+macro_rules! both_of {
+    ($i:ident => $e:expr) => {
+        [
+            {
+                let $i = 0;
+                $e
+            },
+            {
+                let $i = 1;
+                $e
+            },
+        ]
+    };
+}
+
 /// An instruction on the memory of a slice that has just been cut to size.
 macro_rules! memory {
     ($e:expr) => {{
@@ -128,6 +162,15 @@ impl Lanes for Avx2 {
         proven!(_mm256_cmpgt_epi16(a, b))
     }
     #[inline(always)]
+    fn mul(self, a: __m256i, b: __m256i) -> __m256i {
+        proven!(_mm256_mullo_epi16(a, b))
+    }
+    #[inline(always)]
+    fn bytes(self, from: &[u8], at: usize) -> __m256i {
+        let from = &from[at..at + 16];
+        memory!(_mm256_cvtepu8_epi16(_mm_loadu_si128(from.as_ptr().cast())))
+    }
+    #[inline(always)]
     fn select(self, m: __m256i, a: __m256i, b: __m256i) -> __m256i {
         proven!(_mm256_blendv_epi8(b, a, m))
     }
@@ -203,24 +246,18 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn bytes_to_f(self, from: &[u8], at: usize) -> PairF {
         let from = &from[at..at + 16];
-        memory!({
-            let half = |i: usize| {
-                let bytes = _mm_loadl_epi64(from[8 * i..].as_ptr().cast());
-                _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes))
-            };
-            [half(0), half(1)]
-        })
+        memory!([
+            _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64(from.as_ptr().cast()))),
+            _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64(from[8..].as_ptr().cast()))),
+        ])
     }
     #[inline(always)]
     fn shorts_to_f(self, from: &[u16], at: usize) -> PairF {
         let from = &from[at..at + 16];
-        memory!({
-            let half = |i: usize| {
-                let shorts = _mm_loadu_si128(from[8 * i..].as_ptr().cast());
-                _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(shorts))
-            };
-            [half(0), half(1)]
-        })
+        memory!([
+            _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(_mm_loadu_si128(from.as_ptr().cast()))),
+            _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(_mm_loadu_si128(from[8..].as_ptr().cast()))),
+        ])
     }
     #[inline(always)]
     fn add_f(self, a: PairF, b: PairF) -> PairF {
@@ -240,7 +277,7 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn sqrt_f(self, a: PairF) -> PairF {
-        a.map(|a| proven!(_mm256_sqrt_ps(a)))
+        both!(a => proven!(_mm256_sqrt_ps(a)))
     }
     #[inline(always)]
     fn min_f(self, a: PairF, b: PairF) -> PairF {
@@ -252,34 +289,33 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
-        let half = |i: usize| proven!(_mm256_blendv_ps(y[i], x[i], _mm256_cmp_ps::<_CMP_LT_OQ>(a[i], b[i])));
-        [half(0), half(1)]
+        both_of!(i => proven!(_mm256_blendv_ps(y[i], x[i], _mm256_cmp_ps::<_CMP_LT_OQ>(a[i], b[i]))))
     }
     #[inline(always)]
-    fn any_positive(self, a: PairF) -> bool {
-        let half =
-            |i: usize| proven!(_mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(a[i], _mm256_setzero_ps())));
-        half(0) | half(1) != 0
+    fn any_less_f(self, a: PairF, b: PairF) -> bool {
+        let first = proven!(_mm256_cmp_ps::<_CMP_LT_OQ>(a[0], b[0]));
+        let second = proven!(_mm256_cmp_ps::<_CMP_LT_OQ>(a[1], b[1]));
+        proven!(_mm256_movemask_ps(_mm256_or_ps(first, second))) != 0
     }
     #[inline(always)]
     fn round(self, a: PairF) -> Pair {
-        a.map(|a| proven!(_mm256_cvtps_epi32(a)))
+        both!(a => proven!(_mm256_cvtps_epi32(a)))
     }
     #[inline(always)]
     fn truncate(self, a: PairF) -> Pair {
-        a.map(|a| proven!(_mm256_cvttps_epi32(a)))
+        both!(a => proven!(_mm256_cvttps_epi32(a)))
     }
     #[inline(always)]
     fn to_f(self, a: Pair) -> PairF {
-        a.map(|a| proven!(_mm256_cvtepi32_ps(a)))
+        both!(a => proven!(_mm256_cvtepi32_ps(a)))
     }
     #[inline(always)]
     fn bits_of_f(self, a: PairF) -> Pair {
-        a.map(|a| proven!(_mm256_castps_si256(a)))
+        both!(a => proven!(_mm256_castps_si256(a)))
     }
     #[inline(always)]
     fn f_of_bits(self, a: Pair) -> PairF {
-        a.map(|a| proven!(_mm256_castsi256_ps(a)))
+        both!(a => proven!(_mm256_castsi256_ps(a)))
     }
     #[inline(always)]
     fn load_words(self, from: &[u32], at: usize) -> Pair {
@@ -311,7 +347,7 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn shr_w<const BITS: u32>(self, a: Pair) -> Pair {
-        a.map(|a| self.shr_pairs::<BITS>(a))
+        both!(a => self.shr_pairs::<BITS>(a))
     }
     #[inline(always)]
     fn min_w(self, a: Pair, b: Pair) -> Pair {
@@ -319,18 +355,17 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {
-        let half = |i: usize| proven!(_mm256_blendv_epi8(y[i], x[i], _mm256_cmpgt_epi32(b[i], a[i])));
-        [half(0), half(1)]
+        both_of!(i => proven!(_mm256_blendv_epi8(y[i], x[i], _mm256_cmpgt_epi32(b[i], a[i]))))
     }
     #[inline(always)]
     fn greater_w(self, a: Pair, b: Pair) -> __m256i {
-        let half = |i: usize| proven!(_mm256_cmpgt_epi32(a[i], b[i]));
-        proven!(_mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi32(half(0), half(1))))
+        let [first, second] = both_of!(i => proven!(_mm256_cmpgt_epi32(a[i], b[i])));
+        proven!(_mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi32(first, second)))
     }
     #[inline(always)]
     fn gather(self, table: &[u32], index: Pair) -> Pair {
         let last = self.splat_pair(u32::try_from(table.len() - 1).unwrap_or(u32::MAX));
-        index.map(|index| {
+        both!(index => {
             // SAFETY: `self` proves the instructions; every index is at most that of the last
             // entry (the subtraction above has shown that there is one).
             unsafe { _mm256_i32gather_epi32::<4>(table.as_ptr().cast(), _mm256_min_epu32(index, last)) }
@@ -338,13 +373,13 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn low(self, a: Pair) -> __m256i {
-        let half = |i: usize| proven!(_mm256_and_si256(a[i], _mm256_set1_epi32(0xffff)));
-        self.pack(half(0), half(1))
+        let [first, second] = both_of!(i => proven!(_mm256_and_si256(a[i], _mm256_set1_epi32(0xffff))));
+        self.pack(first, second)
     }
     #[inline(always)]
     fn high(self, a: Pair) -> __m256i {
-        let half = |i: usize| proven!(_mm256_srli_epi32::<16>(a[i]));
-        self.pack(half(0), half(1))
+        let [first, second] = both_of!(i => proven!(_mm256_srli_epi32::<16>(a[i])));
+        self.pack(first, second)
     }
     #[inline(always)]
     fn join(self, high: __m256i, low: __m256i) -> Pair {

@@ -44,6 +44,40 @@ macro_rules! proven {
     }};
 }
 
+/// The same expression for both vectors of a pair. (A closure given to `map`
+/// might be compiled apart, without the instructions of its caller.)
+macro_rules! both {
+    ($v:ident => $e:expr) => {{
+        let [first, second] = $v;
+        [
+            {
+                let $v = first;
+                $e
+            },
+            {
+                let $v = second;
+                $e
+            },
+        ]
+    }};
+}
+
+/// The same expression for both positions of a pair.
+macro_rules! both_of {
+    ($i:ident => $e:expr) => {
+        [
+            {
+                let $i = 0;
+                $e
+            },
+            {
+                let $i = 1;
+                $e
+            },
+        ]
+    };
+}
+
 /// An instruction on the memory of a slice that has just been cut to size.
 macro_rules! memory {
     ($e:expr) => {{
@@ -159,6 +193,19 @@ impl Lanes for Avx512 {
         proven!(_mm512_cmpgt_epi16_mask(a, b))
     }
     #[inline(always)]
+    fn not_less(self, a: __m512i, b: __m512i) -> __mmask32 {
+        proven!(_mm512_cmpge_epi16_mask(a, b))
+    }
+    #[inline(always)]
+    fn mul(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_mullo_epi16(a, b))
+    }
+    #[inline(always)]
+    fn bytes(self, from: &[u8], at: usize) -> __m512i {
+        let from = &from[at..at + 32];
+        memory!(_mm512_cvtepu8_epi16(_mm256_loadu_si256(from.as_ptr().cast())))
+    }
+    #[inline(always)]
     fn select(self, m: __mmask32, a: __m512i, b: __m512i) -> __m512i {
         proven!(_mm512_mask_blend_epi16(m, b, a))
     }
@@ -232,24 +279,18 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn bytes_to_f(self, from: &[u8], at: usize) -> PairF {
         let from = &from[at..at + 32];
-        memory!({
-            let half = |i: usize| {
-                let bytes = _mm_loadu_si128(from[16 * i..].as_ptr().cast());
-                _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(bytes))
-            };
-            [half(0), half(1)]
-        })
+        memory!([
+            _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(_mm_loadu_si128(from.as_ptr().cast()))),
+            _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(_mm_loadu_si128(from[16..].as_ptr().cast()))),
+        ])
     }
     #[inline(always)]
     fn shorts_to_f(self, from: &[u16], at: usize) -> PairF {
         let from = &from[at..at + 32];
-        memory!({
-            let half = |i: usize| {
-                let shorts = _mm256_loadu_si256(from[16 * i..].as_ptr().cast());
-                _mm512_cvtepi32_ps(_mm512_cvtepu16_epi32(shorts))
-            };
-            [half(0), half(1)]
-        })
+        memory!([
+            _mm512_cvtepi32_ps(_mm512_cvtepu16_epi32(_mm256_loadu_si256(from.as_ptr().cast()))),
+            _mm512_cvtepi32_ps(_mm512_cvtepu16_epi32(_mm256_loadu_si256(from[16..].as_ptr().cast()))),
+        ])
     }
     #[inline(always)]
     fn add_f(self, a: PairF, b: PairF) -> PairF {
@@ -269,7 +310,7 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn sqrt_f(self, a: PairF) -> PairF {
-        a.map(|a| proven!(_mm512_sqrt_ps(a)))
+        both!(a => proven!(_mm512_sqrt_ps(a)))
     }
     #[inline(always)]
     fn min_f(self, a: PairF, b: PairF) -> PairF {
@@ -281,35 +322,33 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
-        let half = |i: usize| {
-            proven!(_mm512_mask_blend_ps(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(a[i], b[i]), y[i], x[i]))
-        };
-        [half(0), half(1)]
+        both_of!(i => proven!(_mm512_mask_blend_ps(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(a[i], b[i]), y[i], x[i])))
     }
     #[inline(always)]
-    fn any_positive(self, a: PairF) -> bool {
-        let half = |i: usize| proven!(_mm512_cmp_ps_mask::<_CMP_GT_OQ>(a[i], _mm512_setzero_ps()));
-        half(0) | half(1) != 0
+    fn any_less_f(self, a: PairF, b: PairF) -> bool {
+        let first = proven!(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(a[0], b[0]));
+        let second = proven!(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(a[1], b[1]));
+        first | second != 0
     }
     #[inline(always)]
     fn round(self, a: PairF) -> Pair {
-        a.map(|a| proven!(_mm512_cvtps_epi32(a)))
+        both!(a => proven!(_mm512_cvtps_epi32(a)))
     }
     #[inline(always)]
     fn truncate(self, a: PairF) -> Pair {
-        a.map(|a| proven!(_mm512_cvttps_epi32(a)))
+        both!(a => proven!(_mm512_cvttps_epi32(a)))
     }
     #[inline(always)]
     fn to_f(self, a: Pair) -> PairF {
-        a.map(|a| proven!(_mm512_cvtepi32_ps(a)))
+        both!(a => proven!(_mm512_cvtepi32_ps(a)))
     }
     #[inline(always)]
     fn bits_of_f(self, a: PairF) -> Pair {
-        a.map(|a| proven!(_mm512_castps_si512(a)))
+        both!(a => proven!(_mm512_castps_si512(a)))
     }
     #[inline(always)]
     fn f_of_bits(self, a: Pair) -> PairF {
-        a.map(|a| proven!(_mm512_castsi512_ps(a)))
+        both!(a => proven!(_mm512_castsi512_ps(a)))
     }
     #[inline(always)]
     fn load_words(self, from: &[u32], at: usize) -> Pair {
@@ -341,7 +380,7 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn shr_w<const BITS: u32>(self, a: Pair) -> Pair {
-        a.map(|a| self.shr_pairs::<BITS>(a))
+        both!(a => self.shr_pairs::<BITS>(a))
     }
     #[inline(always)]
     fn min_w(self, a: Pair, b: Pair) -> Pair {
@@ -349,19 +388,17 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {
-        let half =
-            |i: usize| proven!(_mm512_mask_blend_epi32(_mm512_cmplt_epi32_mask(a[i], b[i]), y[i], x[i]));
-        [half(0), half(1)]
+        both_of!(i => proven!(_mm512_mask_blend_epi32(_mm512_cmplt_epi32_mask(a[i], b[i]), y[i], x[i])))
     }
     #[inline(always)]
     fn greater_w(self, a: Pair, b: Pair) -> __mmask32 {
-        let half = |i: usize| u32::from(proven!(_mm512_cmpgt_epi32_mask(a[i], b[i])));
-        half(1) << 16 | half(0)
+        let [first, second] = both_of!(i => u32::from(proven!(_mm512_cmpgt_epi32_mask(a[i], b[i]))));
+        second << 16 | first
     }
     #[inline(always)]
     fn gather(self, table: &[u32], index: Pair) -> Pair {
         let last = self.splat_pair(u32::try_from(table.len() - 1).unwrap_or(u32::MAX));
-        index.map(|index| {
+        both!(index => {
             // SAFETY: `self` proves the instructions; every index is at most that of the last
             // entry (the subtraction above has shown that there is one).
             unsafe { _mm512_i32gather_epi32::<4>(_mm512_min_epu32(index, last), table.as_ptr().cast()) }

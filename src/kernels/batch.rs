@@ -27,6 +27,11 @@ impl Samples<'_> {
         }
     }
 
+    /// Whether a sample can exceed full scale.
+    pub(crate) fn unbounded(&self) -> bool {
+        matches!(self, Self::F32(_))
+    }
+
     /// Whether there is no pixel.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -77,7 +82,7 @@ pub struct Rounds {
 /// A run of readouts, the same for all tiles.
 #[derive(Clone, Debug)]
 pub struct Batch<'a> {
-    segments: &'a [Segment<'a>],
+    segments: Vec<(Range<usize>, Light<'a>)>,
     rounds: Rounds,
     readouts: usize,
 }
@@ -103,7 +108,13 @@ impl<'a> Batch<'a> {
         }
         let readouts = segments.iter().map(|s| s.readouts).sum();
         let rounds = Rounds::new(plan, first, readouts);
-        Self { segments, rounds, readouts }
+        let mut end = 0;
+        let placed = segments.iter().map(|s| {
+            let begin = end;
+            end += s.readouts;
+            (begin..end, s.light)
+        });
+        Self { segments: placed.collect(), rounds, readouts }
     }
 
     /// Number of readouts.
@@ -119,13 +130,9 @@ impl<'a> Batch<'a> {
     }
 
     /// The segments with the readouts of the batch that each covers.
-    pub fn segments(&self) -> impl Iterator<Item = (Range<usize>, &'a Light<'a>)> + use<'a> {
-        let mut end = 0;
-        self.segments.iter().map(move |s| {
-            let begin = end;
-            end += s.readouts;
-            (begin..end, &s.light)
-        })
+    #[must_use]
+    pub fn segments(&self) -> &[(Range<usize>, Light<'a>)] {
+        &self.segments
     }
 }
 
@@ -140,10 +147,12 @@ impl Rounds {
         let missed = flip.is_some_and(|f| f.missed != 0);
         let spurious = flip.is_some_and(|f| f.spurious != 0);
         let shot = plan.tables().shot.is_some();
+        // The lanes walk along both, whatever the plan holds, as soon as it holds any noise.
+        let noisy = shot || plan.tables().noise.is_some() || plan.rules().surplus || plan.rules().extras();
         Self {
-            shot: words(clocks.shot, shot),
+            shot: words(clocks.shot, noisy),
             counts: words(clocks.counts, shot),
-            thermal: words(clocks.thermal, plan.tables().noise.is_some()),
+            thermal: words(clocks.thermal, noisy),
             missed: clocks.missed.map(|c| words(c, missed)),
             spurious: clocks.spurious.map(|c| words(c, spurious)),
         }

@@ -30,6 +30,15 @@ pub(crate) trait Lanes: Copy {
     fn scale(self, a: Self::Half, b: Self::Half) -> Self::Half;
     /// `a > b`, signed.
     fn greater(self, a: Self::Half, b: Self::Half) -> Self::Mask;
+    /// `a >= b`, signed.
+    #[inline(always)]
+    fn not_less(self, a: Self::Half, b: Self::Half) -> Self::Mask {
+        self.not(self.greater(b, a))
+    }
+    /// Low half of the product.
+    fn mul(self, a: Self::Half, b: Self::Half) -> Self::Half;
+    /// Bytes, extended with zeros.
+    fn bytes(self, from: &[u8], at: usize) -> Self::Half;
     /// `a` where the mask holds, else `b`.
     fn select(self, m: Self::Mask, a: Self::Half, b: Self::Half) -> Self::Half;
     /// `a - b` (wrapping) where the mask holds, else `a`.
@@ -67,8 +76,8 @@ pub(crate) trait Lanes: Copy {
     fn max_f(self, a: Self::Float, b: Self::Float) -> Self::Float;
     /// `x` where `a < b`, else `y`.
     fn select_less_f(self, a: Self::Float, b: Self::Float, x: Self::Float, y: Self::Float) -> Self::Float;
-    /// Whether any value is greater than zero.
-    fn any_positive(self, a: Self::Float) -> bool;
+    /// Whether `a < b` anywhere.
+    fn any_less_f(self, a: Self::Float, b: Self::Float) -> bool;
     /// Rounds to the nearest integer, ties to even; the value fits.
     fn round(self, a: Self::Float) -> Self::Word;
     /// Rounds towards zero; the value fits.
@@ -96,6 +105,7 @@ pub(crate) trait Lanes: Copy {
     /// `table[index]` for every lane. Panics in debug builds and stays in bounds
     /// in release builds when an index is too large.
     fn gather(self, table: &[u32], index: Self::Word) -> Self::Word;
+    #[inline(always)]
     fn gather_f(self, table: &[f32], index: Self::Word) -> Self::Float {
         self.f_of_bits(self.gather(bytemuck::cast_slice(table), index))
     }

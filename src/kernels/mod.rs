@@ -1,6 +1,6 @@
 //! Runs a plan over (tile, many readouts).
 //!
-//! One generic body ([`lanes`]) serves every vector backend; [`reference`](mod@reference)
+//! One generic body serves every vector backend; [`reference`](mod@reference)
 //! does the same integers in plain scalar loops. All give the same bits.
 //!
 //! A tile is a run of neighbouring pixels. Within it the body keeps one vector
@@ -13,11 +13,17 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod backend;
+mod bare;
 mod batch;
 mod body;
+mod increment;
 mod lanes;
+mod pass;
+mod pixels;
 mod portable;
+mod rare;
 pub mod reference;
+mod step;
 
 pub use backend::Backend;
 pub use batch::{Batch, Job, Light, Rounds, Samples, Segment};

@@ -139,6 +139,14 @@ impl Lanes for Portable {
         a.simd_gt(b)
     }
     #[inline(always)]
+    fn mul(self, a: i16x16, b: i16x16) -> i16x16 {
+        a * b
+    }
+    #[inline(always)]
+    fn bytes(self, from: &[u8], at: usize) -> i16x16 {
+        i16x16::new(sixteen(from, at).map(i16::from))
+    }
+    #[inline(always)]
     fn select(self, m: i16x16, a: i16x16, b: i16x16) -> i16x16 {
         (m & a) | (!m & b)
     }
@@ -240,8 +248,8 @@ impl Lanes for Portable {
         [half(0), half(1)]
     }
     #[inline(always)]
-    fn any_positive(self, a: PairF) -> bool {
-        a.into_iter().any(|a| a.simd_gt(f32x8::splat(0.0)).any())
+    fn any_less_f(self, a: PairF, b: PairF) -> bool {
+        (a[0].simd_lt(b[0]) | a[1].simd_lt(b[1])).any()
     }
     #[inline(always)]
     fn round(self, a: PairF) -> Pair {

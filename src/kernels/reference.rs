@@ -41,7 +41,7 @@ pub fn run(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
     for (i, p) in job.range().enumerate() {
         let mut pixel = load(state, i);
         for (readouts, light) in job.batch.segments() {
-            for (k, t) in readouts.enumerate() {
+            for (k, t) in readouts.clone().enumerate() {
                 let increment = increment(job.plan, p, light_at(light, p, k));
                 if readout(job, p, t, &increment, &mut pixel) {
                     out[t * bytes + i / 8] |= 1 << (i % 8);
@@ -103,25 +103,20 @@ fn light_at(light: &Light<'_>, p: usize, k: usize) -> f32 {
 const MOST: f32 = 2_147_418_112.0;
 const LEAST: f32 = -1_073_741_824.0;
 
-/// Variance, in (steps x 65,536)^2, from which on noise is drawn in whole steps: 5 steps.
-const WHOLE: f32 = 1.073_741_8e11;
-
-/// Variance of rounding to whole steps, 65,536^2 / 12.
-const ROUNDING: f32 = 357_913_941.333;
-
-/// Multiplier of a deviation of 1/65,536 step: 32,768 / SCALE / 65,536.
-const MULTIPLIER: f32 = (32_768.0 / gauss::SCALE / 65_536.0) as f32;
+/// A factor of the step, and the multiplier's unit.
+const ROOT: f32 = (0.703_952_25 * 32_768.0 / gauss::SCALE / 65_536.0) as f32;
 
 fn fixed(value: f32) -> i32 {
-    value.max(LEAST).min(MOST).round_ties_even() as i32
+    value.clamp(LEAST, MOST).round_ties_even() as i32
 }
 
-/// The root of `x` to 6.5e-4, from its exponent and one step of Newton's
-/// method, by multiplications alone; zero for zero.
+/// The multiplier of a variance of (steps x 65,536)^2: its root times 32,768 /
+/// SCALE / 65,536. The root is taken to 6.5e-4, from the exponent and one step
+/// of Newton's method, by multiplications alone.
 fn root(x: f32) -> f32 {
     let guess = f32::from_bits(0x5f1f_fff9 - (x.to_bits() >> 1));
     let t = x * guess;
-    t * (0.703_952_25 * (2.389_244_6 - t * guess))
+    t * (ROOT * (2.389_244_6 - t * guess))
 }
 
 fn increment(plan: &Plan, p: usize, light: f32) -> Increment {
@@ -139,18 +134,18 @@ fn increment(plan: &Plan, p: usize, light: f32) -> Increment {
     let (Some(shot), Some(counts)) = (&tables.shot, plan.counts()) else {
         return result;
     };
+    if light >= shot.whole_from[p] {
+        let variance = light * shot.slope[p] + shot.offset[p];
+        result.multiplier = (root(variance)).round_ties_even() as i16;
+        return result;
+    }
     let quanta = light * shot.light[p] + shot.dark[p];
     let quantum = shot.quantum[p];
-    let variance = quanta * (quantum * quantum);
-    if quanta < poisson::LIMIT {
-        if quanta > 0.0 {
-            result.quantum = quantum;
-            result.count = counts.prepare(quanta);
-        }
-    } else if variance < WHOLE {
+    if quanta >= poisson::LIMIT {
         result.fine = quanta.sqrt() * quantum * (1.0 / gauss::SCALE) as f32;
-    } else {
-        result.multiplier = (root(variance - ROUNDING) * MULTIPLIER).round_ties_even() as i16;
+    } else if quanta > 0.0 {
+        result.quantum = quantum;
+        result.count = counts.prepare(quanta);
     }
     result
 }

@@ -16,11 +16,22 @@ pub(super) const WHOLE_STEPS: f64 = 5.0;
 /// A bound on stored charge that a pixel below full scale never reaches, noise included.
 pub(super) const UNREACHED: f64 = 2.5;
 
-/// Steps and whether surplus charge is counted in whole thresholds.
+/// How charge beyond a threshold is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Storage {
+    /// It never reaches two thresholds.
+    Free,
+    /// It is bounded.
+    Clamped,
+    /// It is counted in whole thresholds.
+    Surplus,
+}
+
+/// The choice of steps and storage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Scale {
     pub steps: u32,
-    pub surplus: bool,
+    pub storage: Storage,
     /// Whole thresholds that one increment may add beyond the first.
     pub extra_thresholds: u32,
 }
@@ -82,16 +93,7 @@ impl Extremes {
 /// Chooses the scale; `docs/fixed-point.md`, "Headroom", derives each line.
 pub(super) fn choose(model: &Model, light: f64) -> Result<Scale> {
     let mut e = Extremes::of(model, light);
-    let loses_remainder = model.ops.iter().any(|op| matches!(op, Op::Remainder { lost } if *lost > 0.0));
-    if loses_remainder && e.ceiling.is_infinite() {
-        // A pixel whose increments stay below its threshold never holds two of them,
-        // so a bound above that changes nothing; brighter ones need a stated bound.
-        if e.relative_increment > 1.0 {
-            return Err(unbounded_remainder(&e));
-        }
-        e.ceiling = UNREACHED;
-    }
-    let surplus = e.ceiling.is_infinite();
+    let storage = storage(model, &mut e)?;
     let reach = f64::from(gauss::LARGEST) / gauss::SCALE;
     let most = [
         f64::from(STEPS),
@@ -99,12 +101,11 @@ pub(super) fn choose(model: &Model, light: f64) -> Result<Scale> {
         // The multipliers of both deviations fit 16 bits.
         0.97 * gauss::SCALE / e.noise,
         0.97 * gauss::SCALE / e.shot,
-        if surplus {
+        match storage {
             // An increment on an empty pixel, with its noise.
-            31_000.0 / (e.increment + reach * e.shot)
-        } else {
+            Storage::Free | Storage::Surplus => 31_000.0 / (e.increment + reach * e.shot),
             // The largest charge, and the noise that a saturated sum still has to hold.
-            32_000.0 / (e.ceiling * e.threshold + reach * e.shot)
+            Storage::Clamped => 32_000.0 / (e.ceiling * e.threshold + reach * e.shot),
         },
     ];
     let limit = most.into_iter().fold(f64::INFINITY, f64::min);
@@ -113,16 +114,41 @@ pub(super) fn choose(model: &Model, light: f64) -> Result<Scale> {
     }
     let steps = limit as u32;
     if e.smallest_threshold * f64::from(steps) < 64.0 {
-        return Err(Error::new(Kind::Config, "fixed point")
-            .found(format_args!(
-                "a pixel with {:.2} % of the nominal threshold",
-                100.0 * e.smallest_threshold
-            ))
-            .expected("at least 64 steps of charge for every pixel")
-            .remedy("lower the spread of capacitor_mismatch or bias_voltage"));
+        return Err(too_small(&e));
     }
-    let extra_thresholds = if surplus { e.relative_increment.ceil() as u32 } else { 0 };
-    Ok(Scale { steps, surplus, extra_thresholds })
+    // What an increment leaves beyond the threshold that fires, and room for noise.
+    let extra = (e.relative_increment.ceil() as u32).saturating_sub(1).max(1);
+    let extra_thresholds = if storage == Storage::Surplus { extra } else { 0 };
+    Ok(Scale { steps, storage, extra_thresholds })
+}
+
+fn storage(model: &Model, e: &mut Extremes) -> Result<Storage> {
+    let below_full_scale = e.relative_increment <= 1.0 + 1e-6;
+    let noiseless = e.noise == 0.0 && e.shot == 0.0;
+    let loses_remainder = model.ops.iter().any(|op| matches!(op, Op::Remainder { lost } if *lost > 0.0));
+    if below_full_scale && noiseless && !loses_remainder && e.ceiling >= 2.0 {
+        return Ok(Storage::Free);
+    }
+    if e.ceiling.is_finite() {
+        return Ok(Storage::Clamped);
+    }
+    if !loses_remainder {
+        return Ok(Storage::Surplus);
+    }
+    // A pixel whose increments stay below its threshold never holds two of them,
+    // so a bound above that changes nothing; brighter ones need a stated bound.
+    if !below_full_scale {
+        return Err(unbounded_remainder(e));
+    }
+    e.ceiling = UNREACHED;
+    Ok(Storage::Clamped)
+}
+
+fn too_small(e: &Extremes) -> Error {
+    Error::new(Kind::Config, "fixed point")
+        .found(format_args!("a pixel with {:.2} % of the nominal threshold", 100.0 * e.smallest_threshold))
+        .expected("at least 64 steps of charge for every pixel")
+        .remedy("lower the spread of capacitor_mismatch or bias_voltage")
 }
 
 fn unbounded_remainder(e: &Extremes) -> Error {

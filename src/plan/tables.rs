@@ -1,11 +1,11 @@
 //! Per-pixel tables and the rules that every readout follows.
 
-use crate::draws::hash;
+use crate::draws::{hash, poisson};
 use crate::effects::Model;
 use crate::error::Result;
 use crate::pixel::{Law, Op, Redraw};
 use crate::plan::LANES;
-use crate::plan::scale::{Scale, UNREACHED, WHOLE_STEPS, multiplier_per_step};
+use crate::plan::scale::{Scale, Storage, UNREACHED, WHOLE_STEPS, multiplier_per_step};
 
 /// Steps times 65,536: the unit of increments.
 pub const FRACTION: f64 = 65_536.0;
@@ -23,6 +23,9 @@ pub struct Tables {
     /// Increment of 1/255 of full-scale light, in steps x 65,536: with 8-bit
     /// light the product of grey level and gain is then exact for an ideal pixel.
     pub gain: Vec<f32>,
+    /// The same in whole steps, where every pixel's gain is one and nothing
+    /// else adds charge, so that 8-bit light needs no fraction; else empty.
+    pub whole_gain: Vec<i16>,
     /// Increment of the dark current, in steps x 65,536.
     pub dark: Vec<f32>,
     /// Charge above the threshold at which storage ends, in steps; empty without a bound.
@@ -44,6 +47,13 @@ pub struct Shot {
     pub dark: Vec<f32>,
     /// Charge of a quantum in steps x 65,536.
     pub quantum: Vec<f32>,
+    /// Light, in 1/255 of full scale, from which on the noise is a normal draw
+    /// in whole steps; below it has a fraction, or counts quanta.
+    pub whole_from: Vec<f32>,
+    /// Variance in (steps x 65,536)^2 that 1/255 of full-scale light adds.
+    pub slope: Vec<f32>,
+    /// Variance without light, less that of rounding to whole steps.
+    pub offset: Vec<f32>,
 }
 
 /// Deviation of the threshold noise.
@@ -79,6 +89,9 @@ pub struct Rules {
     pub kept_remainder: f32,
     /// Flipped bits, if any.
     pub flip: Option<Flip>,
+    /// Whether some increment or noise could leave the range of the state and
+    /// has to be clipped; where it is false, clipping changes nothing.
+    pub clip: bool,
     /// Brightest light in 1/255 of full scale.
     pub greatest_light: f32,
 }
@@ -98,23 +111,38 @@ pub(super) fn build(model: &Model, scale: &Scale, greatest_light: f64) -> Result
     let flips = first.missed != 0.0 || first.spurious != 0.0;
     let rules = Rules {
         redraw: redraw(model),
-        surplus: scale.surplus,
+        surplus: scale.storage == Storage::Surplus,
         extra_thresholds: scale.extra_thresholds,
         lost_increment: first.lost_increment as f32,
         kept_remainder: (1.0 - first.lost_remainder) as f32,
         flip: flips
             .then(|| Flip { missed: probability(first.missed), spurious: probability(first.spurious) }),
+        clip: laws.iter().any(|law| clips(law, scale, greatest_light)),
         greatest_light: (greatest_light * FULL_SCALE) as f32,
     };
-    Ok((tables(&laws, scale), rules))
+    let mut tables = tables(&laws, scale);
+    if rules.greatest_light < FULL_SCALE as f32 {
+        // Light has to be cut off first.
+        tables.whole_gain.clear();
+    }
+    Ok((tables, rules))
+}
+
+/// A margin below the 32,767 steps of the state.
+const SAFE: f64 = 16_000.0;
+
+fn clips(law: &Law, scale: &Scale, greatest_light: f64) -> bool {
+    let unit = (law.threshold * f64::from(scale.steps)).round() / law.threshold;
+    let most = (law.gain.abs() * greatest_light + law.dark.abs()) * unit;
+    most > 2.0 * SAFE || law.dark * unit < -SAFE || law.quantum * unit * poisson::COLUMNS as f64 > SAFE
 }
 
 fn redraw(model: &Model) -> Redraw {
-    let rules = model.ops.iter().filter_map(|op| match op {
+    let mut rules = model.ops.iter().filter_map(|op| match op {
         Op::ThresholdNoise { redraw, .. } => Some(*redraw),
         _ => None,
     });
-    rules.last().unwrap_or(Redraw::EveryReset)
+    rules.next_back().unwrap_or(Redraw::EveryReset)
 }
 
 fn tables(laws: &[Law], scale: &Scale) -> Tables {
@@ -131,21 +159,47 @@ fn tables(laws: &[Law], scale: &Scale) -> Tables {
     };
     let padded = laws.len().next_multiple_of(LANES);
     let keys = |count: usize| (0..count as u32).map(hash::key).collect();
+    let gain = fixed(|law| law.gain / FULL_SCALE);
+    let whole_gains =
+        gain.iter().all(|g| g % FRACTION as f32 == 0.0) && laws.iter().all(|law| law.dark == 0.0);
     Tables {
         // A threshold far above a charge that never grows.
         threshold: pad(laws, 16_000, |law| whole(law) as i16),
         pair_keys: keys(padded / 2),
-        gain: fixed(|law| law.gain / FULL_SCALE),
+        whole_gain: if whole_gains {
+            gain.iter().map(|g| (g / FRACTION as f32) as i16).collect()
+        } else {
+            Vec::new()
+        },
+        gain,
         dark: fixed(|law| law.dark),
-        ceiling: if scale.surplus { Vec::new() } else { pad(laws, 0, ceiling) },
+        ceiling: if scale.storage == Storage::Clamped { pad(laws, 0, ceiling) } else { Vec::new() },
         shot: laws.iter().any(|law| law.quantum > 0.0).then(|| Shot {
             keys: keys(padded),
             light: plain(|law| law.quanta_light / FULL_SCALE),
             dark: plain(|law| law.quanta_dark),
             quantum: fixed(|law| law.quantum),
+            whole_from: pad(laws, f32::INFINITY, |law| whole_from(law, unit(law))),
+            slope: pad(laws, 0.0, |law| (law.quanta_light / FULL_SCALE * variance(law, unit(law))) as f32),
+            offset: pad(laws, 0.0, |law| {
+                (law.quanta_dark * variance(law, unit(law)) - FRACTION * FRACTION / 12.0) as f32
+            }),
         }),
         noise: noise_table(laws, |law| law.noise * unit(law)),
     }
+}
+
+/// Variance of one quantum in (steps x 65,536)^2.
+fn variance(law: &Law, unit: f64) -> f64 {
+    (law.quantum * unit * FRACTION).powi(2)
+}
+
+/// Where there are quanta enough for a normal draw, and steps enough for whole ones.
+fn whole_from(law: &Law, unit: f64) -> f32 {
+    let steps = WHOLE_STEPS / (law.quantum * unit);
+    let quanta = f64::from(poisson::LIMIT).max(steps * steps);
+    let light = (quanta - law.quanta_dark) / (law.quanta_light / FULL_SCALE);
+    if law.quantum == 0.0 || light.is_nan() { f32::INFINITY } else { light as f32 }
 }
 
 /// Rounding to whole steps adds a variance of 1/12, which is taken off beforehand (Sheppard).

@@ -103,13 +103,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_preset_plans_and_reads_back_from_its_own_text() {
+    fn every_preset_has_a_model_and_reads_back_from_its_own_text() {
         for preset in ALL {
             let camera = builtin(preset.name).unwrap();
             assert_eq!(camera.name, preset.name);
             let again = parse(&to_toml(&camera).unwrap().text, None).unwrap();
             assert_eq!(again, camera, "{}", preset.name);
-            crate::plan::Plan::new(&camera, crate::draws::Seeds::default()).unwrap();
+            camera.model(crate::draws::Seeds::default()).unwrap();
         }
     }
 

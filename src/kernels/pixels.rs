@@ -1,0 +1,135 @@
+//! A vector's state and constants, in registers.
+
+use crate::kernels::Job;
+use crate::kernels::lanes::Lanes;
+use crate::plan::{NoiseTable, StateParts};
+
+/// A vector's state.
+#[derive(Clone, Copy)]
+pub(super) struct Pixels<L: Lanes> {
+    pub charge: L::Half,
+    pub fraction: L::Half,
+    pub surplus: L::Half,
+    pub fired: L::Half,
+    pub held: L::Half,
+    pub held_fraction: L::Half,
+}
+
+impl<L: Lanes> Pixels<L> {
+    #[inline(always)]
+    pub fn load(l: L, state: &StateParts<'_>, at: usize) -> Self {
+        Self {
+            charge: l.load(state.charge, at),
+            fraction: l.load(state.fraction, at),
+            surplus: optional(l, state.surplus, at),
+            fired: optional(l, state.fired, at),
+            held: optional(l, state.held, at),
+            held_fraction: optional(l, state.held_fraction, at),
+        }
+    }
+
+    #[inline(always)]
+    pub fn store(&self, l: L, state: &mut StateParts<'_>, at: usize) {
+        l.store(state.charge, at, self.charge);
+        l.store(state.fraction, at, self.fraction);
+        store_optional(l, state.surplus, at, self.surplus);
+        store_optional(l, state.fired, at, self.fired);
+        store_optional(l, state.held, at, self.held);
+        store_optional(l, state.held_fraction, at, self.held_fraction);
+    }
+
+    /// Adds words of steps x 65,536, given as their halves; `low_flipped` is
+    /// the low half with its top bit inverted.
+    #[inline(always)]
+    pub fn add(&mut self, l: L, high: L::Half, low: L::Half, low_flipped: L::Half) {
+        self.fraction = l.add(self.fraction, low);
+        let carry = l.greater(low_flipped, self.fraction);
+        self.charge = l.add_saturating(self.charge, high);
+        self.charge = l.increment_where(carry, self.charge);
+    }
+
+    #[inline(always)]
+    pub fn add_word(&mut self, l: L, word: L::Word) {
+        let low = l.low(word);
+        self.add(l, l.high(word), low, l.xor(low, l.splat(i16::MIN)));
+    }
+
+    /// Charge and fraction as one word.
+    #[inline(always)]
+    pub fn word(&self, l: L) -> L::Word {
+        l.join(self.charge, l.xor(self.fraction, l.splat(i16::MIN)))
+    }
+
+    #[inline(always)]
+    pub fn set_word(&mut self, l: L, word: L::Word) {
+        self.charge = l.high(word);
+        self.fraction = l.xor(l.low(word), l.splat(i16::MIN));
+    }
+}
+
+#[inline(always)]
+fn optional<L: Lanes>(l: L, column: &[i16], at: usize) -> L::Half {
+    if column.is_empty() { l.splat(0) } else { l.load(column, at) }
+}
+
+#[inline(always)]
+fn store_optional<L: Lanes>(l: L, column: &mut [i16], at: usize, value: L::Half) {
+    if !column.is_empty() {
+        l.store(column, at, value);
+    }
+}
+
+/// A vector's constants, loaded once for all readouts of a pass, so that
+/// nothing is looked up in tables again.
+#[derive(Clone, Copy)]
+pub(super) struct Constants<L: Lanes> {
+    /// First pixel in the plan.
+    pub p: usize,
+    pub threshold: L::Half,
+    pub ceiling: L::Half,
+    pub pair_keys: L::Half,
+    pub noise: L::Half,
+    pub whole_gain: L::Half,
+    pub gain: L::Float,
+    pub dark: L::Float,
+    pub whole_from: L::Float,
+    pub slope: L::Float,
+    pub offset: L::Float,
+    /// Whether increments have to be clipped.
+    pub clip: bool,
+    /// Share of the first increment after a spike that stays.
+    pub kept_increment: f32,
+    /// See [`crate::plan::Rules`].
+    pub extra_thresholds: u32,
+}
+
+impl<L: Lanes> Constants<L> {
+    #[inline(always)]
+    pub fn load(l: L, job: &Job<'_>, p: usize) -> Self {
+        let (tables, rules) = (job.plan.tables(), job.plan.rules());
+        let none = l.splat_f(0.0);
+        let (whole_from, slope, offset) = match &tables.shot {
+            Some(s) => (l.load_f(&s.whole_from, p), l.load_f(&s.slope, p), l.load_f(&s.offset, p)),
+            None => (none, none, none),
+        };
+        Self {
+            p,
+            threshold: l.load(&tables.threshold, p),
+            ceiling: optional(l, &tables.ceiling, p),
+            pair_keys: l.load_pairs(&tables.pair_keys, p / 2),
+            noise: match &tables.noise {
+                Some(NoiseTable::Whole(m)) => l.load(m, p),
+                _ => l.splat(0),
+            },
+            whole_gain: optional(l, &tables.whole_gain, p),
+            gain: l.load_f(&tables.gain, p),
+            dark: l.load_f(&tables.dark, p),
+            whole_from,
+            slope,
+            offset,
+            clip: rules.clip,
+            kept_increment: 1.0 - rules.lost_increment,
+            extra_thresholds: rules.extra_thresholds,
+        }
+    }
+}

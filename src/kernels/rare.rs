@@ -1,0 +1,192 @@
+//! The readout of plans with rarer rules, which ask the plan at run time.
+
+use crate::draws::hash::Round;
+use crate::kernels::Job;
+use crate::kernels::increment::{Fine, Increment, fixed};
+use crate::kernels::lanes::Lanes;
+use crate::kernels::pixels::{Constants, Pixels};
+use crate::kernels::step::{borrow, counted, hash};
+use crate::pixel::Redraw;
+use crate::plan::NoiseTable;
+
+/// One readout of `N` pixels; returns the reported bits.
+#[inline(always)]
+pub(super) fn readout<L: Lanes>(
+    l: L,
+    job: &Job<'_>,
+    t: usize,
+    constants: &Constants<L>,
+    increment: &Increment<L>,
+    fine: Option<&Fine<L>>,
+    pixel: &mut Pixels<L>,
+) -> L::Mask {
+    gather_charge(l, job, t, constants, increment, fine, pixel);
+    if !job.plan.tables().ceiling.is_empty() {
+        pixel.charge = l.min(pixel.charge, constants.ceiling);
+    }
+    let fractions = matches!(job.plan.tables().noise, Some(NoiseTable::Fine(_)));
+    let fired = if fractions || job.plan.rules().kept_remainder != 1.0 {
+        compare_words(l, job, t, constants, pixel)
+    } else {
+        compare(l, job, t, constants, pixel)
+    };
+    if job.plan.rules().lost_increment != 0.0 {
+        pixel.fired = l.select(fired, l.splat(-1), l.splat(0));
+    }
+    flip(l, job, t, constants, fired)
+}
+
+#[inline(always)]
+fn gather_charge<L: Lanes>(
+    l: L,
+    job: &Job<'_>,
+    t: usize,
+    constants: &Constants<L>,
+    increment: &Increment<L>,
+    fine: Option<&Fine<L>>,
+    pixel: &mut Pixels<L>,
+) {
+    let lost = job.plan.rules().lost_increment;
+    let shortened = l.greater(l.splat(0), pixel.fired);
+    if lost == 0.0 {
+        pixel.add(l, increment.high, increment.low, increment.low_flipped);
+    } else {
+        let high = l.select(shortened, l.high(increment.after_spike), increment.high);
+        let low = l.select(shortened, l.low(increment.after_spike), increment.low);
+        pixel.add(l, high, low, l.xor(low, l.splat(i16::MIN)));
+    }
+    if job.plan.tables().shot.is_none() {
+        return;
+    }
+    let z = l.gauss(hash(l, constants.pair_keys, &job.batch.rounds().shot[t]));
+    let mut noise = l.scale(z, increment.multiplier);
+    if lost != 0.0 {
+        let share = l.scale(noise, l.splat((lost * 32_768.0) as i16));
+        noise = l.sub_where(shortened, noise, share);
+    }
+    pixel.charge = l.add_saturating(pixel.charge, noise);
+    if let Some(fine) = fine {
+        let noise = l.mul_f(l.to_f(l.widen(z)), fine.normal);
+        let noise = l.add_f(noise, counted(l, job, constants.p, t, fine));
+        let clip = job.plan.rules().clip;
+        let whole = fixed(l, noise, clip);
+        if lost == 0.0 {
+            pixel.add_word(l, whole);
+        } else {
+            let less = fixed(l, l.mul_f(noise, l.splat_f(1.0 - lost)), clip);
+            let high = l.select(shortened, l.high(less), l.high(whole));
+            let low = l.select(shortened, l.low(less), l.low(whole));
+            pixel.add(l, high, low, l.xor(low, l.splat(i16::MIN)));
+        }
+    }
+}
+
+/// Compares and resets in whole steps.
+#[inline(always)]
+fn compare<L: Lanes>(
+    l: L,
+    job: &Job<'_>,
+    t: usize,
+    constants: &Constants<L>,
+    pixel: &mut Pixels<L>,
+) -> L::Mask {
+    let rules = job.plan.rules();
+    let fresh = match &job.plan.tables().noise {
+        None => l.splat(0),
+        Some(_) => {
+            let z = l.gauss(hash(l, constants.pair_keys, &job.batch.rounds().thermal[t]));
+            l.scale(z, constants.noise)
+        }
+    };
+    let frozen = rules.redraw == Redraw::EveryReset;
+    let noise = if frozen { pixel.held } else { fresh };
+    let reached = l.not_less(pixel.charge, noise);
+    let fired = borrow(l, pixel, reached, noise, constants.threshold, rules.extra_thresholds);
+    if frozen {
+        pixel.held = l.select(fired, fresh, pixel.held);
+    }
+    fired
+}
+
+/// Compares and resets with fractions, for fine threshold noise and resets that lose a remainder.
+#[inline(always)]
+fn compare_words<L: Lanes>(
+    l: L,
+    job: &Job<'_>,
+    t: usize,
+    constants: &Constants<L>,
+    pixel: &mut Pixels<L>,
+) -> L::Mask {
+    let (tables, rules) = (job.plan.tables(), job.plan.rules());
+    let frozen = rules.redraw == Redraw::EveryReset;
+    let fresh = match &tables.noise {
+        None => l.splat_w(0),
+        Some(table) => {
+            let z = l.gauss(hash(l, constants.pair_keys, &job.batch.rounds().thermal[t]));
+            match table {
+                NoiseTable::Whole(_) => l.join(l.scale(z, constants.noise), l.splat(0)),
+                NoiseTable::Fine(m) => fixed(l, l.mul_f(l.to_f(l.widen(z)), l.load_f(m, constants.p)), true),
+            }
+        }
+    };
+    let noise = if frozen { l.join(pixel.held, pixel.held_fraction) } else { fresh };
+    let charge = pixel.word(l);
+    let reached = l.not(l.greater_w(noise, charge));
+    let threshold = l.join(constants.threshold, l.splat(0));
+    let borrowed = l.and(l.not(reached), l.greater(pixel.surplus, l.splat(0)));
+    let fired = l.or(reached, borrowed);
+    let less_noise = l.sub_w(charge, noise);
+    let mut reset = select_word(l, reached, l.sub_w(less_noise, threshold), less_noise);
+    if rules.kept_remainder != 1.0 {
+        let remainder = l.to_f(l.add_w(reset, threshold));
+        let kept = fixed(l, l.mul_f(remainder, l.splat_f(rules.kept_remainder)), true);
+        reset = l.sub_w(kept, threshold);
+    }
+    pixel.set_word(l, select_word(l, fired, reset, charge));
+    pixel.surplus = l.sub_where(borrowed, pixel.surplus, l.splat(1));
+    for _ in 0..rules.extra_thresholds {
+        let more = l.and(reached, l.not_less(pixel.charge, l.splat(0)));
+        pixel.charge = l.sub_where(more, pixel.charge, constants.threshold);
+        pixel.surplus = l.increment_where(more, pixel.surplus);
+    }
+    if frozen {
+        pixel.held = l.select(fired, l.high(fresh), pixel.held);
+        pixel.held_fraction = l.select(fired, l.low(fresh), pixel.held_fraction);
+    }
+    fired
+}
+
+#[inline(always)]
+fn select_word<L: Lanes>(l: L, m: L::Mask, a: L::Word, b: L::Word) -> L::Word {
+    let high = l.select(m, l.high(a), l.high(b));
+    l.join(high, l.select(m, l.low(a), l.low(b)))
+}
+
+#[inline(always)]
+fn flip<L: Lanes>(l: L, job: &Job<'_>, t: usize, constants: &Constants<L>, fired: L::Mask) -> L::Mask {
+    let Some(flip) = job.plan.rules().flip else { return fired };
+    let rounds = job.batch.rounds();
+    let mut reported = fired;
+    if flip.missed != 0 {
+        let missed = below(l, constants.pair_keys, &rounds.missed, t, flip.missed);
+        reported = l.and(reported, l.not(missed));
+    }
+    if flip.spurious != 0 {
+        let spurious = below(l, constants.pair_keys, &rounds.spurious, t, flip.spurious);
+        reported = l.or(reported, l.and(spurious, l.not(fired)));
+    }
+    reported
+}
+
+/// Whether the pixel's 32 random bits are below `probability`.
+#[inline(always)]
+fn below<L: Lanes>(l: L, keys: L::Half, words: &[Vec<Round>; 2], t: usize, probability: u32) -> L::Mask {
+    // Signed comparison orders words whose top bit is inverted.
+    let sign = l.splat(i16::MIN);
+    let high = l.xor(hash(l, keys, &words[0][t]), sign);
+    let low = l.xor(hash(l, keys, &words[1][t]), sign);
+    let high_bound = l.xor(l.splat((probability >> 16) as i16), sign);
+    let low_bound = l.xor(l.splat(probability as i16), sign);
+    let equal = l.not(l.or(l.greater(high, high_bound), l.greater(high_bound, high)));
+    l.or(l.greater(high_bound, high), l.and(equal, l.greater(low_bound, low)))
+}

@@ -1,0 +1,146 @@
+//! One readout of a vector of pixels, in the common cases.
+
+use crate::draws::hash::Round;
+use crate::draws::poisson;
+use crate::kernels::Job;
+use crate::kernels::increment::{Fine, Increment, fixed};
+use crate::kernels::lanes::Lanes;
+use crate::kernels::pass::Row;
+use crate::kernels::pixels::{Constants, Pixels};
+
+/// No threshold noise.
+pub(super) const NONE: u8 = 0;
+/// Threshold noise in whole steps, drawn at every readout.
+pub(super) const READOUT: u8 = 1;
+/// Threshold noise in whole steps, drawn at every reset.
+pub(super) const RESET: u8 = 2;
+
+/// Charge cannot pass two thresholds: nothing to watch.
+pub(super) const FREE: u8 = 0;
+/// Charge is bounded.
+pub(super) const CLAMPED: u8 = 1;
+/// Charge beyond a threshold is counted in whole thresholds.
+pub(super) const SURPLUS: u8 = 2;
+
+#[inline(always)]
+pub(super) fn hash<L: Lanes>(l: L, keys: L::Half, round: &Round) -> L::Half {
+    let x = l.mul_pairs(l.xor(keys, l.splat_pair(round.offset)), l.splat_pair(round.first));
+    let x = l.mul_pairs(l.xor(x, l.shr_pairs::<15>(x)), l.splat_pair(round.second));
+    l.xor(x, l.shr_pairs::<16>(x))
+}
+
+#[inline(always)]
+fn hash_words<L: Lanes>(l: L, keys: L::Word, round: &Round) -> L::Word {
+    let x = l.mul_w(l.xor_w(keys, l.splat_w(round.offset)), l.splat_w(round.first));
+    let x = l.mul_w(l.xor_w(x, l.shr_w::<15>(x)), l.splat_w(round.second));
+    l.xor_w(x, l.shr_w::<16>(x))
+}
+
+/// One readout of pixels without temporal noise; returns the reported bits.
+#[inline(always)]
+pub(super) fn bare<L: Lanes, const STORE: u8, const WHOLE: bool>(
+    l: L,
+    constants: &Constants<L>,
+    increment: &Increment<L>,
+    pixel: &mut Pixels<L>,
+) -> L::Mask {
+    if WHOLE {
+        pixel.charge = l.add_saturating(pixel.charge, increment.high);
+    } else {
+        pixel.add(l, increment.high, increment.low, increment.low_flipped);
+    }
+    if STORE == CLAMPED {
+        pixel.charge = l.min(pixel.charge, constants.ceiling);
+    }
+    let fired = l.not_less(pixel.charge, l.splat(0));
+    pixel.charge = l.sub_where(fired, pixel.charge, constants.threshold);
+    fired
+}
+
+/// One readout of pixels with quanta; returns the reported bits.
+#[inline(always)]
+pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8>(
+    l: L,
+    job: &Job<'_>,
+    row: &Row<'_>,
+    constants: &Constants<L>,
+    increment: &Increment<L>,
+    fine: Option<&Fine<L>>,
+    pixel: &mut Pixels<L>,
+) -> L::Mask {
+    pixel.add(l, increment.high, increment.low, increment.low_flipped);
+    if fine.is_none_or(|fine| fine.any_normal) {
+        let z = l.gauss(hash(l, constants.pair_keys, row.shot));
+        pixel.charge = l.add_saturating(pixel.charge, l.scale(z, increment.multiplier));
+        if let Some(fine) = fine {
+            let noise = l.mul_f(l.to_f(l.widen(z)), fine.normal);
+            let noise = l.add_f(noise, counted(l, job, constants.p, row.t, fine));
+            pixel.add_word(l, fixed(l, noise, constants.clip));
+        }
+    } else if let Some(fine) = fine {
+        pixel.add_word(l, fixed(l, counted(l, job, constants.p, row.t, fine), constants.clip));
+    }
+    if STORE == CLAMPED {
+        pixel.charge = l.min(pixel.charge, constants.ceiling);
+    }
+    let fresh = if NOISE == NONE {
+        l.splat(0)
+    } else {
+        l.scale(l.gauss(hash(l, constants.pair_keys, row.thermal)), constants.noise)
+    };
+    let noise = if NOISE == RESET { pixel.held } else { fresh };
+    let reached = l.not_less(pixel.charge, noise);
+    let mut fired = reached;
+    if STORE == SURPLUS {
+        let extra = constants.extra_thresholds;
+        fired = borrow(l, pixel, reached, noise, constants.threshold, extra);
+    } else {
+        let amount = if NOISE == NONE { constants.threshold } else { l.add(constants.threshold, noise) };
+        pixel.charge = l.sub_where(reached, pixel.charge, amount);
+    }
+    if NOISE == RESET {
+        pixel.held = l.select(fired, fresh, pixel.held);
+    }
+    fired
+}
+
+/// Resets pixels that may hold whole thresholds of surplus; returns who fired.
+#[inline(always)]
+pub(super) fn borrow<L: Lanes>(
+    l: L,
+    pixel: &mut Pixels<L>,
+    reached: L::Mask,
+    noise: L::Half,
+    threshold: L::Half,
+    extra: u32,
+) -> L::Mask {
+    let zero = l.splat(0);
+    let borrowed = l.and(l.not(reached), l.greater(pixel.surplus, zero));
+    let fired = l.or(reached, borrowed);
+    pixel.charge = l.sub_where(fired, pixel.charge, noise);
+    pixel.charge = l.sub_where(reached, pixel.charge, threshold);
+    pixel.surplus = l.sub_where(borrowed, pixel.surplus, l.splat(1));
+    for _ in 0..extra {
+        let more = l.and(reached, l.not_less(pixel.charge, zero));
+        pixel.charge = l.sub_where(more, pixel.charge, threshold);
+        pixel.surplus = l.increment_where(more, pixel.surplus);
+    }
+    fired
+}
+
+/// Counted quanta less their mean, in steps x 65,536.
+#[inline(always)]
+pub(super) fn counted<L: Lanes>(l: L, job: &Job<'_>, p: usize, t: usize, fine: &Fine<L>) -> L::Float {
+    let (Some(shot), Some(tables)) = (&job.plan.tables().shot, job.plan.counts()) else {
+        return l.splat_f(0.0);
+    };
+    let bits = hash_words(l, l.load_words(&shot.keys, p), &job.batch.rounds().counts[t]);
+    let upper = l.add_w(fine.table, l.splat_w(poisson::COLUMNS as u32));
+    let table = l.select_less_w(l.and_w(bits, l.splat_w(511)), fine.share, upper, fine.table);
+    let column = l.shr_w::<25>(bits);
+    let entry = l.gather(&tables.alias, l.add_w(table, column));
+    let draw = l.and_w(l.shr_w::<9>(bits), l.splat_w(0xffff));
+    let alias = l.and_w(entry, l.splat_w(0xff));
+    let number = l.select_less_w(draw, l.shr_w::<8>(entry), column, alias);
+    l.mul_f(l.sub_f(l.to_f(number), fine.mean), fine.quantum)
+}

@@ -1,0 +1,142 @@
+//! The readouts that are measured together, one word row per pixel row.
+//!
+//! A packed frame lets rows begin at any bit. Here each row begins at a word,
+//! and at least one zero bit follows its last pixel: the right neighbour of
+//! all pixels of a word is a shift by one, the lower neighbour the word one
+//! stride further on, and neither needs a mask. The copy costs far less than
+//! the unaligned shifts it saves, and makes any size of batch the same work.
+
+use std::ops::Range;
+
+use crate::spikes::Geometry;
+
+/// Readouts measured together: two turns of the 8-bit vertical counters (248
+/// readouts each), and just short of eight words of a pixel's history.
+pub(super) const CAPACITY: usize = 496;
+
+/// Buffers of larger sensors hold fewer readouts, not more memory than this.
+const LARGEST_BUFFER: usize = 1 << 28;
+
+/// A few hundred readouts of a band of rows, and the readout before them.
+pub(super) struct Block {
+    geometry: Geometry,
+    rows: Range<usize>,
+    stride: usize,
+    frame_words: usize,
+    capacity: usize,
+    len: usize,
+    words: Vec<u64>,
+}
+
+impl Block {
+    pub(super) fn new(geometry: Geometry, rows: Range<usize>) -> Self {
+        let stride = geometry.width() / 64 + 1;
+        // One row below the band for its lower neighbours, and slack for tiles
+        // that overhang the end. An odd number of cache lines per readout
+        // spreads one word of many readouts over all sets of the cache.
+        let lines = ((rows.len() + 1) * stride + 8).div_ceil(8) | 1;
+        let frame_words = lines * 8;
+        let fitting = LARGEST_BUFFER / (frame_words * 8) / 8 * 8;
+        let capacity = fitting.clamp(8, CAPACITY);
+        let words = vec![0; (capacity + 1) * frame_words];
+        Self { geometry, rows, stride, frame_words, capacity, len: 0, words }
+    }
+
+    /// Words of a row: enough for its pixels and one zero bit.
+    pub(super) const fn stride(&self) -> usize {
+        self.stride
+    }
+
+    pub(super) const fn width(&self) -> usize {
+        self.geometry.width()
+    }
+
+    /// Words of the band's own rows, without the row below.
+    pub(super) fn band_words(&self) -> usize {
+        self.rows.len() * self.stride
+    }
+
+    pub(super) const fn len(&self) -> usize {
+        self.len
+    }
+
+    pub(super) const fn capacity(&self) -> usize {
+        self.capacity
+    }
+
+    /// Words between one word of a readout and the same word of the next.
+    pub(super) const fn frame_words(&self) -> usize {
+        self.frame_words
+    }
+
+    /// Everything: slot 0 is the readout before the block (silence at the very
+    /// start), slots 1 to `len` the block.
+    pub(super) fn words(&self) -> &[u64] {
+        &self.words
+    }
+
+    /// The words of a slot.
+    pub(super) fn slot(&self, slot: usize) -> &[u64] {
+        &self.words[slot * self.frame_words..(slot + 1) * self.frame_words]
+    }
+
+    /// Adds a packed frame; there must be room.
+    pub(super) fn append(&mut self, frame: &[u8]) {
+        self.len += 1;
+        let slot = &mut self.words[self.len * self.frame_words..(self.len + 1) * self.frame_words];
+        let width = self.geometry.width();
+        let below = (self.rows.end + 1).min(self.geometry.height());
+        for (row, out) in (self.rows.start..below).zip(slot.chunks_exact_mut(self.stride)) {
+            copy_bits(frame, row * width, width, out);
+        }
+    }
+
+    /// Silences the slots after the last readout, so that groups of eight
+    /// readouts and whole words of history need no tails.
+    pub(super) fn silence_rest(&mut self) {
+        self.words[(self.len + 1) * self.frame_words..].fill(0);
+    }
+
+    /// Empties the block; its last readout becomes the one before.
+    pub(super) fn recycle(&mut self) {
+        let last = self.len * self.frame_words;
+        self.words.copy_within(last..last + self.frame_words, 0);
+        self.len = 0;
+    }
+}
+
+/// Copies `bits` bits from bit `start` of `bytes` to whole words, zero-padded.
+fn copy_bits(bytes: &[u8], start: usize, bits: usize, out: &mut [u64]) {
+    let shift = start % 8;
+    let whole = bits / 64;
+    let from = &bytes[start / 8..];
+    let (words, rest) = out.split_at_mut(whole);
+    if shift == 0 {
+        for (word, eight) in words.iter_mut().zip(from.as_chunks().0) {
+            *word = u64::from_le_bytes(*eight);
+        }
+    } else {
+        // The bits of a whole word end in the ninth byte.
+        for (word, nine) in words.iter_mut().zip(from.windows(9).step_by(8)) {
+            *word = partial(nine, 0) >> shift | u64::from(nine[8]) << (64 - shift);
+        }
+    }
+    let at = whole * 8;
+    let mut last = partial(from, at) >> shift;
+    if shift != 0 {
+        last |= u64::from(from.get(at + 8).copied().unwrap_or_default()) << (64 - shift);
+    }
+    rest[0] = last & ((1 << (bits % 64)) - 1);
+}
+
+/// Eight bytes from `at` on as a word, zeros behind the end.
+#[inline(always)]
+fn partial(bytes: &[u8], at: usize) -> u64 {
+    if let Some(whole) = bytes.get(at..at + 8) {
+        return u64::from_le_bytes(whole.try_into().unwrap_or_default());
+    }
+    let mut word = [0; 8];
+    let rest = bytes.get(at..).unwrap_or_default();
+    word[..rest.len()].copy_from_slice(rest);
+    u64::from_le_bytes(word)
+}

@@ -1,0 +1,296 @@
+//! Spike counts, first and last spike, and coincidences of neighbours.
+
+use std::array::from_fn;
+use std::ops::Range;
+
+use wide::u64x4;
+
+use super::block::Block;
+use super::estimate::{Estimate, tiles_ratio};
+use super::vertical::{Counters, GROUPS, TILE, load};
+use crate::spikes::Geometry;
+
+/// In place of a readout where a pixel never fired.
+pub const NEVER: u32 = u32::MAX;
+
+/// A neighbour, and by how many readouts it fires later than the pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Pair {
+    /// Pixel and right neighbour in the same readout.
+    Right,
+    /// The right neighbour one readout after the pixel.
+    RightAfter,
+    /// The right neighbour one readout before the pixel.
+    RightBefore,
+    /// Pixel and lower neighbour in the same readout.
+    Lower,
+    /// The lower neighbour one readout after the pixel.
+    LowerAfter,
+    /// The lower neighbour one readout before the pixel.
+    LowerBefore,
+}
+
+impl Pair {
+    /// All pairs, in the order of their maps.
+    pub const ALL: [Self; 6] =
+        [Self::Right, Self::RightAfter, Self::RightBefore, Self::Lower, Self::LowerAfter, Self::LowerBefore];
+
+    /// Whether the two spikes lie one readout apart.
+    #[must_use]
+    pub const fn is_lagged(self) -> bool {
+        !matches!(self, Self::Right | Self::Lower)
+    }
+
+    const fn is_right(self) -> bool {
+        matches!(self, Self::Right | Self::RightAfter | Self::RightBefore)
+    }
+}
+
+/// Per-pixel counts of a band of rows. Maps are row-major, one entry per pixel
+/// of the band; readouts count from 0 at the start of the stream.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Counts {
+    pub(super) geometry: Geometry,
+    pub(super) rows: Range<usize>,
+    pub(super) readouts: u32,
+    /// Spikes.
+    pub count: Vec<u32>,
+    /// Readout of the first spike, or [`NEVER`].
+    pub first: Vec<u32>,
+    /// Readout of the last spike, or [`NEVER`].
+    pub last: Vec<u32>,
+    /// Coincidences with a neighbour, by [`Pair`] in the order of
+    /// [`Pair::ALL`]; zero where there is no such neighbour.
+    pub coincidences: [Vec<u32>; 6],
+}
+
+/// What is counted while frames come in.
+pub(super) struct State {
+    result: Counts,
+    /// Per word of the band: pixels that have not fired yet.
+    unseen: Vec<u64>,
+}
+
+impl State {
+    pub(super) fn new(geometry: Geometry, rows: Range<usize>, block: &Block) -> Self {
+        let pixels = rows.len() * geometry.width();
+        Self {
+            unseen: vec![u64::MAX; block.band_words()],
+            result: Counts {
+                geometry,
+                rows,
+                readouts: 0,
+                count: vec![0; pixels],
+                first: vec![NEVER; pixels],
+                last: vec![NEVER; pixels],
+                coincidences: from_fn(|_| vec![0; pixels]),
+            },
+        }
+    }
+
+    /// Counts a block that starts at readout `start`.
+    pub(super) fn process(&mut self, block: &Block, start: u32) {
+        for from in (0..block.len()).step_by(GROUPS * 8) {
+            let slots = from + 1..(from + GROUPS * 8).min(block.len()) + 1;
+            for at in (0..block.band_words()).step_by(TILE) {
+                let counters = count_tile(block, &slots, at);
+                self.empty(block, &counters, &slots, at, start);
+            }
+        }
+        self.result.readouts = start + block.len() as u32;
+    }
+
+    pub(super) fn finish(self) -> Counts {
+        self.result
+    }
+
+    /// Spikes so far, per pixel.
+    pub(super) fn snapshot(&self) -> Vec<u32> {
+        self.result.count.clone()
+    }
+
+    /// Moves the counters of a tile into the maps.
+    fn empty(
+        &mut self,
+        block: &Block,
+        counters: &[Counters; 8],
+        slots: &Range<usize>,
+        at: usize,
+        start: u32,
+    ) {
+        let fired = counters[0].any();
+        for lane in 0..TILE.min(block.band_words() - at) {
+            if fired[lane] == 0 {
+                continue;
+            }
+            let word = at + lane;
+            let (row, column) = (word / block.stride(), word % block.stride() * 64);
+            let pixels = 64.min(block.width() - column);
+            let pixel = row * block.width() + column;
+            let maps = std::iter::once(&mut self.result.count).chain(&mut self.result.coincidences);
+            for (map, counter) in maps.zip(counters) {
+                let counts = counter.counts(lane);
+                for (sum, count) in map[pixel..pixel + pixels].iter_mut().zip(counts) {
+                    *sum += u32::from(count);
+                }
+            }
+            let readout = start + slots.start as u32 - 1;
+            let late = counters[7].counts(lane);
+            let last = &mut self.result.last[pixel..pixel + pixels];
+            for (i, (last, late)) in last.iter_mut().zip(late).enumerate() {
+                if fired[lane] >> i & 1 != 0 {
+                    *last = readout + u32::from(late);
+                }
+            }
+            self.resolve_first(block, slots, word, pixel, fired[lane], start);
+        }
+    }
+
+    /// Finds the first spikes of the pixels of one word, in the blocks in which
+    /// a pixel fires for the first time.
+    fn resolve_first(
+        &mut self,
+        block: &Block,
+        slots: &Range<usize>,
+        word: usize,
+        pixel: usize,
+        fired: u64,
+        start: u32,
+    ) {
+        let mut open = fired & self.unseen[word];
+        self.unseen[word] &= !fired;
+        for slot in slots.clone() {
+            if open == 0 {
+                break;
+            }
+            let bits = block.words()[slot * block.frame_words() + word];
+            mark(&mut self.result.first[pixel..], open & bits, start + slot as u32 - 1);
+            open &= !bits;
+        }
+    }
+}
+
+/// Writes `value` at every set bit.
+fn mark(map: &mut [u32], mut bits: u64, value: u32) {
+    while bits != 0 {
+        map[bits.trailing_zeros() as usize] = value;
+        bits &= bits - 1;
+    }
+}
+
+/// A tile of one readout: its pixels, their right and their lower neighbours.
+#[inline(always)]
+fn neighbours(slot: &[u64], at: usize, stride: usize) -> (u64x4, u64x4, u64x4) {
+    let own = load(slot, at);
+    let right = (own >> 1) | (load(slot, at + 1) << 63);
+    (own, right, load(slot, at + stride))
+}
+
+/// Spikes and the six coincidences of a tile over some slots, in groups of
+/// eight: the slots after the last are silent.
+///
+/// The last of the eight holds the last spike, as a slot counted from the first.
+fn count_tile(block: &Block, slots: &Range<usize>, at: usize) -> [Counters; 8] {
+    let mut counters = [Counters::new(); 8];
+    let zero = u64x4::new([0; TILE]);
+    // Entry 0 is the readout before the group.
+    let (mut own, mut right, mut lower) = ([zero; 9], [zero; 9], [zero; 9]);
+    let before = block.slot(slots.start - 1);
+    (own[8], right[8], lower[8]) = neighbours(before, at, block.stride());
+    for (turn, group) in slots.clone().step_by(8).enumerate() {
+        (own[0], right[0], lower[0]) = (own[8], right[8], lower[8]);
+        for i in 1..9 {
+            let slot = block.slot(group + i - 1);
+            (own[i], right[i], lower[i]) = neighbours(slot, at, block.stride());
+        }
+        let now: [u64x4; 8] = from_fn(|i| own[i + 1]);
+        counters[0].add8(&now);
+        counters[1].add8(&from_fn(|i| own[i + 1] & right[i + 1]));
+        counters[2].add8(&from_fn(|i| own[i] & right[i + 1]));
+        counters[3].add8(&from_fn(|i| own[i + 1] & right[i]));
+        counters[4].add8(&from_fn(|i| own[i + 1] & lower[i + 1]));
+        counters[5].add8(&from_fn(|i| own[i] & lower[i + 1]));
+        counters[6].add8(&from_fn(|i| own[i + 1] & lower[i]));
+        counters[7].remember8(&now, turn);
+    }
+    counters
+}
+
+impl Counts {
+    /// Appends the band below; the caller has checked that they fit.
+    pub(super) fn append(&mut self, below: Self) {
+        self.rows.end = below.rows.end;
+        self.count.extend(below.count);
+        self.first.extend(below.first);
+        self.last.extend(below.last);
+        for (map, more) in self.coincidences.iter_mut().zip(below.coincidences) {
+            map.extend(more);
+        }
+    }
+
+    /// Readouts that were counted.
+    #[must_use]
+    pub const fn readouts(&self) -> u32 {
+        self.readouts
+    }
+
+    /// Rate per pixel from its count, in spikes per readout.
+    ///
+    /// Standard error: independent readouts give `sqrt(f (1 - f) / T)`; a pixel
+    /// that integrates misses less than one spike, so uniform phase gives at
+    /// most `1 / (2 T)`.
+    #[must_use]
+    pub fn rate(&self) -> Vec<f64> {
+        let readouts = f64::from(self.readouts);
+        self.count.iter().map(|n| f64::from(*n) / readouts).collect()
+    }
+
+    /// Rate per pixel from the times of its first and last spike,
+    /// `(N - 1) / (t_last - t_first)`, NaN below two spikes.
+    ///
+    /// Standard error: `f^2 sqrt(V) / (N - 1)` with `V` the variance of the
+    /// span: `1/6 + (N - 1) s` for an integrator of phase variance `s` per
+    /// spike (see [`super::Intervals::decompose`]), about `0.41 f / T` when `s` is small.
+    #[must_use]
+    pub fn rate_by_time(&self) -> Vec<f64> {
+        let spans = self.count.iter().zip(self.first.iter().zip(&self.last));
+        spans
+            .map(|(n, (first, last))| match n {
+                0 | 1 => f64::NAN,
+                n => f64::from(n - 1) / f64::from(last - first),
+            })
+            .collect()
+    }
+
+    /// The map of a pair's coincidences.
+    #[must_use]
+    pub fn coincidence(&self, pair: Pair) -> &[u32] {
+        &self.coincidences[pair as usize]
+    }
+
+    /// Correlation of pixel and neighbour: the covariance of the two bits over
+    /// their readouts, summed over all pairs and divided by the sum of
+    /// `sqrt(f(1-f) f'(1-f'))`.
+    ///
+    /// Independent pixels give 0 in the mean over start phases, though any one
+    /// pair of equal rates does not. Standard error: the spread of the sums of
+    /// 8x8-pixel tiles about the ratio (linearised ratio estimator), so
+    /// neighbouring pairs need not be independent.
+    #[must_use]
+    pub fn correlation(&self, pair: Pair) -> Estimate {
+        let width = self.geometry.width();
+        let map = self.coincidence(pair);
+        let step = if pair.is_right() { 1 } else { width };
+        let terms = f64::from(self.readouts) - f64::from(u8::from(pair.is_lagged()));
+        let rate = self.rate();
+        let spread = |f: f64| (f * (1.0 - f)).sqrt();
+        let of_pixel = |p: usize| {
+            let has = if pair.is_right() { p % width + 1 < width } else { p + width < rate.len() };
+            has.then(|| {
+                let (f, g) = (rate[p], rate[p + step]);
+                (f64::from(map[p]) / terms - f * g, spread(f) * spread(g))
+            })
+        };
+        tiles_ratio(rate.len(), width, 8, of_pixel)
+    }
+}

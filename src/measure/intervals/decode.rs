@@ -1,0 +1,126 @@
+//! From words of many pixels to the spike times of one pixel.
+//!
+//! 64 readouts of 64 pixels are transposed as a bit matrix, so that one word
+//! holds 64 readouts of one pixel. Its bytes index a table of spike positions;
+//! eight positions are always written, and the next write starts behind the
+//! valid ones. So there is no branch per spike, and no loop over silent bits.
+
+use super::super::block::{Block, CAPACITY};
+
+/// Words of a pixel's history in one block.
+pub(super) const HISTORY_WORDS: usize = CAPACITY.div_ceil(64);
+
+/// Slack behind the last spike time that table writes and whole lanes need.
+pub(super) const SLACK: usize = 8;
+
+/// Positions of the set bits of each byte, then zeros.
+static POSITIONS: [[i16; 8]; 256] = positions();
+
+/// The number of set bits of each byte: a CPU without a population count
+/// needs a dozen instructions for it.
+static LENGTHS: [u8; 256] = lengths();
+
+const fn positions() -> [[i16; 8]; 256] {
+    let mut table = [[0; 8]; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let (mut bit, mut n) = (0, 0);
+        while bit < 8 {
+            if byte >> bit & 1 != 0 {
+                table[byte][n] = bit as i16;
+                n += 1;
+            }
+            bit += 1;
+        }
+        byte += 1;
+    }
+    table
+}
+
+const fn lengths() -> [u8; 256] {
+    let mut table = [0; 256];
+    let mut byte = 0_usize;
+    while byte < 256 {
+        table[byte] = byte.count_ones() as u8;
+        byte += 1;
+    }
+    table
+}
+
+/// The readouts of a block for 64 neighbouring pixels: bit `t % 64` of word
+/// `t / 64` of a pixel is its spike at readout `t` of the block.
+pub(super) struct Histories {
+    columns: Box<[[u64; 64]; HISTORY_WORDS]>,
+}
+
+impl Histories {
+    pub(super) fn new() -> Self {
+        Self { columns: Box::new([[0; 64]; HISTORY_WORDS]) }
+    }
+
+    /// Gathers word `at` of all readouts of the block.
+    pub(super) fn gather(&mut self, block: &Block, at: usize) {
+        let step = block.frame_words();
+        for (chunk, column) in self.columns.iter_mut().enumerate() {
+            let from = (chunk * 64).min(block.len());
+            let n = (block.len() - from).min(64);
+            let mut any = 0;
+            for (i, word) in column[..n].iter_mut().enumerate() {
+                *word = block.words()[(from + i + 1) * step + at];
+                any |= *word;
+            }
+            column[n..].fill(0);
+            if any != 0 {
+                transpose(column);
+            }
+        }
+    }
+
+    /// The words of one of the 64 pixels.
+    pub(super) fn pixel(&self, pixel: usize) -> [u64; HISTORY_WORDS] {
+        std::array::from_fn(|chunk| self.columns[chunk][pixel])
+    }
+}
+
+/// Transposes a 64x64 bit matrix: bit `j` of word `i` goes to bit `i` of word `j`.
+fn transpose(words: &mut [u64; 64]) {
+    stage::<32>(words, 0x0000_0000_FFFF_FFFF);
+    stage::<16>(words, 0x0000_FFFF_0000_FFFF);
+    stage::<8>(words, 0x00FF_00FF_00FF_00FF);
+    stage::<4>(words, 0x0F0F_0F0F_0F0F_0F0F);
+    stage::<2>(words, 0x3333_3333_3333_3333);
+    stage::<1>(words, 0x5555_5555_5555_5555);
+}
+
+/// Exchanges the off-diagonal squares of `D` bits.
+#[inline(always)]
+fn stage<const D: usize>(words: &mut [u64; 64], mask: u64) {
+    for squares in words.chunks_exact_mut(2 * D) {
+        let (upper, lower) = squares.split_at_mut(D);
+        for (a, b) in upper.iter_mut().zip(lower) {
+            let t = ((*a >> D) ^ *b) & mask;
+            *a ^= t << D;
+            *b ^= t;
+        }
+    }
+}
+
+/// Writes the times of a pixel's spikes, plus `offset`, from `times[at]` on and
+/// returns where they end. Up to [`SLACK`] entries behind the end are clobbered.
+pub(super) fn times(words: &[u64; HISTORY_WORDS], offset: i16, times: &mut [i16], mut at: usize) -> usize {
+    for (word, bits) in words.iter().enumerate() {
+        if *bits == 0 {
+            continue;
+        }
+        let base = offset + 64 * word as i16;
+        for (i, byte) in bits.to_le_bytes().into_iter().enumerate() {
+            let from = base + 8 * i as i16;
+            let out = &mut times[at..at + 8];
+            for (time, position) in out.iter_mut().zip(&POSITIONS[usize::from(byte)]) {
+                *time = from + position;
+            }
+            at += usize::from(LENGTHS[usize::from(byte)]);
+        }
+    }
+    at
+}

@@ -1,0 +1,258 @@
+//! Inter-spike intervals: sums per pixel, lengths over all pixels, deviations
+//! per readout.
+
+mod decode;
+mod fast;
+mod lengths;
+mod pixel;
+mod result;
+mod variance;
+
+use std::ops::Range;
+
+use super::block::{Block, CAPACITY};
+use super::counts::NEVER;
+use crate::spikes::Geometry;
+use decode::{Histories, SLACK};
+use lengths::Tally;
+use pixel::{Pixel, REFERENCE};
+
+pub use lengths::Lengths;
+pub use result::{Deviation, Halves, Intervals, PixelIntervals};
+pub use variance::PhaseNoise;
+
+/// The longest lag, in intervals.
+pub const LONGEST_LAG: u32 = 64;
+
+/// The sum of the deviations of the intervals that end at one readout.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct DeviationSum {
+    /// In sixteenths of a readout.
+    sum: i64,
+    spikes: u32,
+}
+
+/// Room for the readouts of a block, a power of two so that a remainder takes
+/// the place of a bounds check.
+const SLOTS: usize = CAPACITY.next_power_of_two();
+
+/// The readouts of a block as the pixels' intervals see them.
+pub(super) struct Readouts {
+    start: u32,
+    deviation: [i64; SLOTS],
+    /// Spikes without a reference to deviate from.
+    skipped: [u32; CAPACITY],
+}
+
+impl Readouts {
+    fn deviate(&mut self, readout: u32, interval: u32, reference: u32) {
+        self.deviation[(readout - self.start) as usize] +=
+            REFERENCE as i64 * i64::from(interval) - i64::from(reference);
+    }
+
+    fn skip(&mut self, readout: u32) {
+        self.skipped[(readout - self.start) as usize] += 1;
+    }
+}
+
+/// Spikes, last spikes and squares at the split.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Snapshot {
+    spikes: Vec<u32>,
+    last: Vec<u32>,
+    squares: Vec<u64>,
+}
+
+/// What is kept while frames come in.
+pub(super) struct State {
+    result: Intervals,
+    tally: Tally,
+    /// Spikes of history per pixel, at least the longest lag and the reference.
+    depth: usize,
+    /// The last `depth` spike times of each pixel, newest last.
+    history: Vec<u32>,
+    span_limit: u32,
+    series: usize,
+    scratch: Scratch,
+}
+
+/// Buffers of one pixel's work.
+struct Scratch {
+    times: Vec<i16>,
+    intervals: Vec<i16>,
+    exact: Vec<u32>,
+    readouts: Readouts,
+}
+
+impl State {
+    /// `lags` is sorted and begins with 1; `cap` is the longest interval with
+    /// an own bin; `series` readouts are kept one by one.
+    pub(super) fn new(
+        geometry: Geometry,
+        rows: Range<usize>,
+        lags: Vec<u32>,
+        cap: u32,
+        series: usize,
+    ) -> Self {
+        let pixels = rows.len() * geometry.width();
+        let longest = lags.last().copied().unwrap_or(1);
+        let depth = (longest as usize).max(REFERENCE);
+        let room = depth + CAPACITY + 2 * SLACK;
+        Self {
+            tally: Tally::new(cap),
+            depth,
+            history: vec![0; pixels * depth],
+            span_limit: fast::span_limit(longest),
+            series,
+            scratch: Scratch {
+                times: vec![0; room],
+                intervals: vec![0; room],
+                exact: Vec::with_capacity(room),
+                readouts: Readouts { start: 0, deviation: [0; SLOTS], skipped: [0; CAPACITY] },
+            },
+            result: Intervals {
+                geometry,
+                rows,
+                readouts: 0,
+                pixels: vec![Pixel::new(); pixels],
+                sums: vec![[0; 2]; pixels * lags.len()],
+                lags,
+                latest: Vec::new(),
+                lengths: Lengths::new(cap),
+                split: None,
+                deviations: Vec::new(),
+            },
+        }
+    }
+
+    /// Takes a block that starts at readout `start`.
+    pub(super) fn process(&mut self, block: &Block, start: u32) {
+        let mut histories = Histories::new();
+        self.scratch.readouts = Readouts { start, deviation: [0; SLOTS], skipped: [0; CAPACITY] };
+        let mut group = 0;
+        for at in 0..block.band_words() {
+            let (row, column) = (at / block.stride(), at % block.stride() * 64);
+            let next = Lengths::group(self.result.rows.start + row, self.result.geometry);
+            if next != group {
+                self.tally.empty(&mut self.result.lengths, group);
+                group = next;
+            }
+            histories.gather(block, at);
+            let pixels = 64.min(block.width() - column);
+            for i in 0..pixels {
+                let words = histories.pixel(i);
+                if words.iter().any(|w| *w != 0) {
+                    self.add_pixel(row * block.width() + column + i, &words, start);
+                }
+            }
+        }
+        self.tally.empty(&mut self.result.lengths, group);
+        self.keep_deviations(block);
+        self.result.readouts = start + block.len() as u32;
+    }
+
+    /// Adds the spikes of a pixel in this block; there is at least one.
+    fn add_pixel(&mut self, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
+        let history = &self.history[p * self.depth..(p + 1) * self.depth];
+        // One more than the history, so that the reference is known as well.
+        let full = self.result.pixels[p].spikes as usize > self.depth;
+        // The span from the oldest time of the history to the end of the block.
+        let shift = start - if full { history[0] } else { start };
+        if full && shift + CAPACITY as u32 <= self.span_limit {
+            self.add_fast(p, words, shift as i16);
+        } else {
+            self.add_exact(p, words, start);
+        }
+    }
+
+    fn add_fast(&mut self, p: usize, words: &[u64; decode::HISTORY_WORDS], shift: i16) {
+        let depth = self.depth;
+        let Scratch { times, intervals, readouts, .. } = &mut self.scratch;
+        let history = &mut self.history[p * depth..(p + 1) * depth];
+        let origin = history[0];
+        for (time, old) in times.iter_mut().zip(history.iter()) {
+            *time = (old - origin) as i16;
+        }
+        let end = decode::times(words, shift, times, depth);
+        fast::differences(times, end, intervals);
+        let lags = &self.result.lags;
+        let sums = &mut self.result.sums[p * lags.len()..(p + 1) * lags.len()];
+        for (lag, sum) in lags.iter().zip(sums) {
+            fast::add_lag(times, depth, end, *lag as usize, sum);
+        }
+        let pixel = &mut self.result.pixels[p];
+        let found = fast::add_intervals(intervals, depth, end, pixel);
+        pixel.spikes += (end - depth) as u32;
+        self.tally.add_found(&found, pixel.centre(), &intervals[depth..end]);
+        let reference = i64::from(pixel.reference);
+        for (time, interval) in times[depth..end].iter().zip(&intervals[depth..end]) {
+            // The start of the block lies at `shift`.
+            readouts.deviation[(time - shift) as u16 as usize % SLOTS] +=
+                REFERENCE as i64 * i64::from(*interval) - reference;
+        }
+        for (old, time) in history.iter_mut().zip(&times[end - depth..end]) {
+            *old = origin + *time as u32;
+        }
+    }
+
+    fn add_exact(&mut self, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
+        let pixel = &mut self.result.pixels[p];
+        let history = &mut self.history[p * self.depth..(p + 1) * self.depth];
+        let known = (pixel.spikes as usize).min(self.depth);
+        let times = &mut self.scratch.exact;
+        times.clear();
+        times.extend_from_slice(&history[self.depth - known..]);
+        for (word, bits) in words.iter().enumerate() {
+            let mut bits = *bits;
+            while bits != 0 {
+                times.push(start + 64 * word as u32 + bits.trailing_zeros());
+                bits &= bits - 1;
+            }
+        }
+        let lags = &self.result.lags;
+        let sums = &mut self.result.sums[p * lags.len()..(p + 1) * lags.len()];
+        pixel.add_each(times, known, lags, sums, &mut self.scratch.readouts);
+        for k in known.max(1)..times.len() {
+            self.tally.add(k, times[k] - times[k - 1]);
+        }
+        let kept = times.len().min(self.depth);
+        history[self.depth - kept..].copy_from_slice(&times[times.len() - kept..]);
+    }
+
+    fn keep_deviations(&mut self, block: &Block) {
+        for i in 0..block.len() {
+            if self.result.deviations.len() == self.series {
+                return;
+            }
+            let band = &block.slot(i + 1)[..block.band_words()];
+            let spikes: u32 = band.iter().map(|w| w.count_ones()).sum();
+            self.result.deviations.push(DeviationSum {
+                sum: self.scratch.readouts.deviation[i],
+                spikes: spikes - self.scratch.readouts.skipped[i],
+            });
+        }
+    }
+
+    /// Remembers the sums of the first half.
+    pub(super) fn split(&mut self) {
+        let lags = self.result.lags.len();
+        let last = self.history.chunks_exact(self.depth);
+        self.result.split = Some(Snapshot {
+            spikes: self.result.pixels.iter().map(|p| p.spikes).collect(),
+            last: last.map(|h| h[self.depth - 1]).collect(),
+            squares: self.result.sums.iter().step_by(lags).map(|s| s[1]).collect(),
+        });
+    }
+
+    pub(super) fn finish(mut self) -> Intervals {
+        let latest = |(pixel, history): (&Pixel, &[u32])| {
+            let mut latest = [NEVER; 3];
+            let kept = (pixel.spikes as usize).min(3);
+            latest[3 - kept..].copy_from_slice(&history[self.depth - kept..]);
+            latest
+        };
+        let histories = self.history.chunks_exact(self.depth);
+        self.result.latest = self.result.pixels.iter().zip(histories).map(latest).collect();
+        self.result
+    }
+}

@@ -1,0 +1,267 @@
+//! Statistics of bit-packed spike streams, without an opinion on them.
+//!
+//! An [`Accumulator`] takes packed frames in batches of any size and keeps
+//! integer sums; memory does not grow with the number of readouts (apart from
+//! the first [`Options::series_readouts`] entries of the per-readout series).
+//! [`Accumulator::finish`] gives [`Statistics`], whose parts answer with an
+//! [`Estimate`], a value and its standard error, or with maps.
+//!
+//! Three families, each of which can be left out:
+//! * [`Counts`]: per-pixel counts, first and last spikes, coincidences of neighbours;
+//! * [`Frames`]: totals of readouts, distance of successive readouts, halves of
+//!   rows and columns;
+//! * [`Intervals`]: everything about inter-spike intervals.
+//!
+//! **Threads.** Counts and intervals belong to pixels, so accumulators of bands
+//! of rows ([`Options::rows`]) can run side by side on the same frames, and
+//! [`Statistics::join`] puts them together. Frames need whole readouts: run
+//! them as one more accumulator with [`Options::only_frames`].
+//!
+//! Results are the same bits for every batching and banding.
+
+mod block;
+mod counts;
+mod estimate;
+mod frames;
+mod halves;
+mod intervals;
+mod join;
+mod maps;
+#[cfg(feature = "files")]
+mod spectrum;
+mod summary;
+mod vertical;
+
+use std::ops::Range;
+
+use crate::error::{Error, Kind, Result};
+use crate::spikes::{Geometry, Packed};
+use block::Block;
+
+pub use counts::{Counts, NEVER, Pair};
+pub use estimate::{Estimate, bootstrap, finite, median, median_and_spread, tiled_mean, trimmed_mean};
+pub use frames::{Extreme, Frames};
+pub use intervals::{Deviation, Halves, Intervals, LONGEST_LAG, Lengths, PhaseNoise, PixelIntervals};
+pub use maps::{
+    Correlations, LineStructure, high_pass, line_structure, map_correlations, select_rate, select_smooth,
+};
+#[cfg(feature = "files")]
+pub use spectrum::{Line, Spectrum, spectrum};
+pub use summary::{Defects, Summary, borders, dsnu_prnu, summarise};
+
+/// Most readouts of a stream: sums of squares stay within 64 bits.
+pub const MAX_READOUTS: u32 = 1 << 28;
+
+/// What to measure.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// Measure [`Counts`].
+    pub counts: bool,
+    /// Measure [`Frames`]; needs all rows.
+    pub frames: bool,
+    /// Whether [`Frames`] holds the halves of rows and columns.
+    pub halves: bool,
+    /// Measure [`Intervals`].
+    pub intervals: bool,
+    /// Lags of `D(n)` in intervals, 1 to [`LONGEST_LAG`]; 1 is always there.
+    pub lags: Vec<u32>,
+    /// The longest interval with a bin of its own in the histogram.
+    pub longest_bin: u32,
+    /// The readout at which the second half begins, for statistics by halves.
+    pub split: Option<u32>,
+    /// Readouts of which per-readout series are kept (20 bytes each).
+    pub series_readouts: usize,
+    /// The rows to measure; `None` is all of them.
+    pub rows: Option<Range<usize>>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            counts: true,
+            frames: true,
+            halves: true,
+            intervals: true,
+            lags: vec![1, 4, 8, 16, 24, 32],
+            longest_bin: 1023,
+            split: None,
+            series_readouts: 1 << 20,
+            rows: None,
+        }
+    }
+}
+
+impl Options {
+    /// Only per-pixel counts and frame statistics: several times faster.
+    #[must_use]
+    pub fn without_intervals() -> Self {
+        Self { intervals: false, ..Self::default() }
+    }
+
+    /// Only whole readouts.
+    #[must_use]
+    pub fn only_frames() -> Self {
+        Self { counts: false, ..Self::without_intervals() }
+    }
+
+    fn checked(&self, geometry: Geometry) -> Result<(Range<usize>, Vec<u32>)> {
+        let all = 0..geometry.height();
+        let rows = self.rows.clone().unwrap_or(all.clone());
+        if rows.is_empty() || rows.end > all.end {
+            return Err(Error::new(Kind::Usage, "rows to measure")
+                .found(format_args!("{}..{}", rows.start, rows.end))
+                .expected(format_args!("a range within 0..{}", all.end)));
+        }
+        if self.frames && rows != all {
+            return Err(Error::new(Kind::Usage, "rows to measure")
+                .found(format_args!("{}..{}", rows.start, rows.end))
+                .expected("all rows for statistics of whole readouts")
+                .remedy("measure frames in an accumulator of their own"));
+        }
+        let mut lags = self.lags.clone();
+        lags.push(1);
+        lags.sort_unstable();
+        lags.dedup();
+        if let Some(bad) = lags.iter().find(|l| !(1..=LONGEST_LAG).contains(*l)) {
+            return Err(Error::new(Kind::Usage, "lag of the interval variance")
+                .found(bad)
+                .expected(format_args!("1 to {LONGEST_LAG} intervals")));
+        }
+        if !(1..=1 << 20).contains(&self.longest_bin) {
+            return Err(Error::new(Kind::Usage, "longest bin of the interval histogram")
+                .found(self.longest_bin)
+                .expected(format_args!("1 to {} readouts", 1 << 20)));
+        }
+        Ok((rows, lags))
+    }
+}
+
+/// Takes frames and keeps their sums.
+pub struct Accumulator {
+    geometry: Geometry,
+    rows: Range<usize>,
+    split: Option<u32>,
+    block: Block,
+    /// Readouts before the block.
+    start: u32,
+    counts: Option<counts::State>,
+    frames: Option<frames::State>,
+    intervals: Option<intervals::State>,
+    early: Option<Vec<u32>>,
+}
+
+impl Accumulator {
+    /// An accumulator for a sensor.
+    ///
+    /// Buffers the last 496 readouts of its rows (fewer above 256 MB), and
+    /// keeps 40 bytes per pixel for counts and 330 for intervals at six lags.
+    ///
+    /// # Errors
+    /// When the rows, a lag or the histogram's length are out of range, or
+    /// frames are asked for in a band.
+    pub fn new(geometry: Geometry, options: &Options) -> Result<Self> {
+        let (rows, lags) = options.checked(geometry)?;
+        let block = Block::new(geometry, rows.clone());
+        let counts = options.counts.then(|| counts::State::new(geometry, rows.clone(), &block));
+        let frames = options.frames.then(|| frames::State::new(geometry, options, &block));
+        let (bin, series) = (options.longest_bin, options.series_readouts);
+        let intervals =
+            options.intervals.then(|| intervals::State::new(geometry, rows.clone(), lags, bin, series));
+        Ok(Self {
+            geometry,
+            rows,
+            split: options.split,
+            block,
+            start: 0,
+            counts,
+            frames,
+            intervals,
+            early: None,
+        })
+    }
+
+    /// Takes the next readouts, in order.
+    ///
+    /// # Errors
+    /// When the frames are of another size, or the stream becomes longer than
+    /// [`MAX_READOUTS`]; nothing of the batch is taken then.
+    pub fn push(&mut self, frames: Packed<'_>) -> Result<()> {
+        if frames.geometry() != self.geometry {
+            return Err(Error::new(Kind::Input, "frames to measure")
+                .found(frames.geometry())
+                .expected(self.geometry));
+        }
+        let total = self.start as usize + self.block.len() + frames.readouts();
+        if total > MAX_READOUTS as usize {
+            return Err(Error::new(Kind::Input, "length of the stream")
+                .found(format_args!("{total} readouts or more"))
+                .expected(format_args!("at most {MAX_READOUTS}"))
+                .remedy("measure parts of it"));
+        }
+        for frame in frames.frames() {
+            self.block.append(frame);
+            if let Some(state) = &mut self.frames {
+                state.push(&self.block);
+            }
+            let next = self.start + self.block.len() as u32;
+            if self.block.len() == self.block.capacity() || self.split == Some(next) {
+                self.process();
+            }
+        }
+        Ok(())
+    }
+
+    fn process(&mut self) {
+        self.block.silence_rest();
+        if let Some(state) = &mut self.counts {
+            state.process(&self.block, self.start);
+        }
+        if let Some(state) = &mut self.intervals {
+            state.process(&self.block, self.start);
+        }
+        self.start += self.block.len() as u32;
+        self.block.recycle();
+        if self.split == Some(self.start) {
+            self.early = self.counts.as_ref().map(counts::State::snapshot);
+            if let Some(state) = &mut self.intervals {
+                state.split();
+            }
+        }
+    }
+
+    /// The statistics of everything that was pushed.
+    #[must_use]
+    pub fn finish(mut self) -> Statistics {
+        if self.block.len() > 0 {
+            self.process();
+        }
+        Statistics {
+            geometry: self.geometry,
+            rows: self.rows,
+            readouts: self.start,
+            counts: self.counts.map(counts::State::finish),
+            frames: self.frames.map(frames::State::finish),
+            intervals: self.intervals.map(intervals::State::finish),
+            early_count: self.early,
+        }
+    }
+}
+
+/// Everything that was asked for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Statistics {
+    /// The sensor.
+    pub geometry: Geometry,
+    /// The rows that were measured.
+    pub rows: Range<usize>,
+    /// Readouts.
+    pub readouts: u32,
+    /// Per-pixel counts.
+    pub counts: Option<Counts>,
+    /// Whole readouts.
+    pub frames: Option<Frames>,
+    /// Inter-spike intervals.
+    pub intervals: Option<Intervals>,
+    /// Spikes per pixel before [`Options::split`], when it was set and reached.
+    pub early_count: Option<Vec<u32>>,
+}

@@ -1,0 +1,120 @@
+//! The power spectrum of frame totals.
+
+use realfft::RealFftPlanner;
+
+use crate::error::{Error, Kind, Result};
+
+/// A power spectrum by Welch's method.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Spectrum {
+    /// Readouts in a segment.
+    pub segment: usize,
+    /// Half-overlapping segments that were averaged.
+    pub segments: usize,
+    /// Power of bin `k`, frequency `k / segment` per readout, `k` from 0 to
+    /// `segment / 2`: one-sided, so that the sum over bins above 0 is the
+    /// variance of the totals at those frequencies, in spikes squared.
+    pub power: Vec<f64>,
+    /// Standard error of any bin's power, as a fraction of it: `sqrt(11 / (9 K))`
+    /// for `K` segments with a Hann window at half overlap (Welch 1967; `1` for one).
+    pub relative_error: f64,
+}
+
+/// A line of a spectrum.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Line {
+    /// Cycles per readout.
+    pub frequency: f64,
+    /// Power in its bin, in spikes squared.
+    pub power: f64,
+    /// Power over the median power of the 32 bins around it.
+    pub prominence: f64,
+}
+
+/// Power spectrum of `totals` in Hann-windowed segments of `segment` readouts,
+/// overlapping by half, the mean of each taken off.
+///
+/// # Errors
+/// When `segment` is odd or below 8, or there are fewer totals.
+pub fn spectrum(totals: &[u32], segment: usize) -> Result<Spectrum> {
+    if segment < 8 || !segment.is_multiple_of(2) || totals.len() < segment {
+        return Err(Error::new(Kind::Usage, "segment of a spectrum")
+            .found(format_args!("{segment} readouts"))
+            .expected(format_args!("an even number from 8 to {}", totals.len())));
+    }
+    let window: Vec<f64> = (0..segment)
+        .map(|i| 0.5 - 0.5 * libm::cos(std::f64::consts::TAU * i as f64 / segment as f64))
+        .collect();
+    let weight: f64 = window.iter().map(|w| w * w).sum();
+    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(segment);
+    let mut bins = transform.make_output_vec();
+    let mut power = vec![0.0; bins.len()];
+    let mut segments = 0;
+    for start in (0..=totals.len() - segment).step_by(segment / 2) {
+        let piece = &totals[start..start + segment];
+        let mean = piece.iter().map(|n| f64::from(*n)).sum::<f64>() / segment as f64;
+        let tapered = piece.iter().zip(&window).map(|(n, w)| (f64::from(*n) - mean) * w);
+        let mut input: Vec<f64> = tapered.collect();
+        transform
+            .process(&mut input, &mut bins)
+            .map_err(|e| Error::new(Kind::Usage, "segment of a spectrum").found(e))?;
+        for (sum, bin) in power.iter_mut().zip(&bins) {
+            *sum += bin.norm_sqr();
+        }
+        segments += 1;
+    }
+    let last = power.len() - 1;
+    for (k, p) in power.iter_mut().enumerate() {
+        // Every bin but the first and the last stands for two.
+        let sides = if k == 0 || k == last { 1.0 } else { 2.0 };
+        *p *= sides / (segment as f64 * weight * segments as f64);
+    }
+    let relative_error = match segments {
+        1 => 1.0,
+        k => (11.0 / (9.0 * k as f64)).sqrt(),
+    };
+    Ok(Spectrum { segment, segments, power, relative_error })
+}
+
+impl Spectrum {
+    /// Share of the variance at frequencies below `frequency` (cycles per readout).
+    #[must_use]
+    pub fn low_share(&self, frequency: f64) -> f64 {
+        let bins = self.power.iter().enumerate().skip(1);
+        let (mut low, mut all) = (0.0, 0.0);
+        for (k, p) in bins {
+            all += p;
+            if (k as f64) < frequency * self.segment as f64 {
+                low += p;
+            }
+        }
+        low / all
+    }
+
+    /// Lines: bins that are local maxima and exceed `factor` times the median
+    /// power of the 32 bins around them, the most prominent first. With `K`
+    /// segments noise exceeds the median by a factor `F` with a chance of at
+    /// most `0.5^F` per bin (`K = 1`); 30 is far outside chance.
+    #[must_use]
+    pub fn lines(&self, factor: f64) -> Vec<Line> {
+        let n = self.power.len();
+        let mut lines: Vec<Line> = (1..n)
+            .filter_map(|k| {
+                let power = self.power[k];
+                let higher = |j: usize| self.power.get(j).is_some_and(|p| *p > power);
+                if higher(k + 1) || (k > 1 && higher(k - 1)) {
+                    return None;
+                }
+                let mut around = self.power[k.saturating_sub(16).max(1)..(k + 17).min(n)].to_vec();
+                let prominence = power / super::median(&mut around);
+                (prominence > factor).then_some(Line {
+                    frequency: k as f64 / self.segment as f64,
+                    power,
+                    prominence,
+                })
+            })
+            .collect();
+        lines.sort_by(|a, b| b.prominence.total_cmp(&a.prominence));
+        lines
+    }
+}

@@ -1,0 +1,128 @@
+//! The house: a room imports only from rooms below it, and unsafe lives in few of them.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Rooms from the ground up; rooms on one line do not see each other.
+const HOUSE: &[&[&str]] = &[
+    &["error"],
+    &["units"],
+    &["draws", "spikes", "pixel"],
+    &["sensor"],
+    &["effects"],
+    &["plan", "presets"],
+    &["kernels", "storage", "scene"],
+    &["formats", "light"],
+    &["simulate"],
+    &["measure", "reconstruct"],
+    &["report"],
+    &["calibrate"],
+    &["diagnose", "compare"],
+    &["dataset"],
+    &["cli"],
+];
+
+/// Files that may hold unsafe code, by their beginning.
+const UNSAFE: &[&str] = &["kernels/avx2.rs", "kernels/avx512.rs", "storage/"];
+
+fn floor(room: &str) -> Option<usize> {
+    HOUSE.iter().position(|line| line.contains(&room))
+}
+
+fn sources() -> BTreeMap<PathBuf, String> {
+    fn walk(folder: &Path, into: &mut BTreeMap<PathBuf, String>) {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                walk(&path, into);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                into.insert(path.clone(), fs::read_to_string(&path).unwrap());
+            }
+        }
+    }
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut all = BTreeMap::new();
+    walk(&root, &mut all);
+    all.into_iter().map(|(path, text)| (path.strip_prefix(&root).unwrap().to_path_buf(), text)).collect()
+}
+
+/// The room a source file belongs to; none for `lib.rs` and `main.rs`.
+fn room_of(path: &Path) -> Option<String> {
+    let first = path.components().next()?.as_os_str().to_str()?;
+    let room = first.trim_end_matches(".rs");
+    (!matches!(room, "lib" | "main")).then(|| room.to_owned())
+}
+
+/// The rooms that a text names as `crate::room`, outside comments.
+fn imports(text: &str) -> Vec<String> {
+    let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
+    let mut rooms = Vec::new();
+    for line in code {
+        for (at, _) in line.match_indices("crate::") {
+            let rest = &line[at + "crate::".len()..];
+            let names: Vec<&str> = match rest.strip_prefix('{') {
+                Some(group) => group.split([',', '}']).map(str::trim).collect(),
+                None => vec![rest],
+            };
+            for name in names {
+                let end = name.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(name.len());
+                rooms.push(name[..end].to_owned());
+            }
+        }
+    }
+    rooms.retain(|r| floor(r).is_some());
+    rooms
+}
+
+fn upward(room: &str, text: &str) -> Vec<String> {
+    let own = floor(room).unwrap_or_else(|| panic!("room {room} has no floor"));
+    let wrong = |other: &String| other != room && floor(other).is_some_and(|f| f >= own);
+    imports(text).into_iter().filter(wrong).collect()
+}
+
+#[test]
+fn no_arrow_between_rooms_runs_upward() {
+    for (path, text) in sources() {
+        let Some(room) = room_of(&path) else { continue };
+        let wrong = upward(&room, &text);
+        assert!(wrong.is_empty(), "{} imports from {wrong:?}, which is not below {room}", path.display());
+    }
+}
+
+#[test]
+fn a_made_up_arrow_upward_is_seen() {
+    assert_eq!(upward("plan", "use crate::kernels::Backend;"), ["kernels"]);
+    assert_eq!(upward("plan", "use crate::presets;"), ["presets"]);
+    assert_eq!(upward("light", "use crate::{error::Result, simulate::run};"), ["simulate"]);
+    assert!(upward("plan", "use crate::draws::hash; // crate::draws").is_empty());
+}
+
+#[test]
+fn unsafe_code_stays_in_its_rooms() {
+    for (path, text) in sources() {
+        let allowed = UNSAFE.iter().any(|start| path.to_str().unwrap().starts_with(start));
+        let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
+        let found = code.filter(|line| line.contains("unsafe {") || line.contains("unsafe fn")).count();
+        assert!(allowed || found == 0, "{} holds unsafe code", path.display());
+    }
+}
+
+#[test]
+fn files_stay_short_enough_to_read() {
+    for (path, text) in sources() {
+        // The instruction-set files list one operation after the other.
+        let limit = if path.starts_with("kernels") { 560 } else { 500 };
+        let lines = text.lines().count();
+        assert!(lines <= limit, "{} has {lines} lines", path.display());
+    }
+}
+
+#[test]
+fn every_effect_has_a_file_of_its_name() {
+    let files = sources();
+    for effect in spikelane::effects::ALL {
+        let path = PathBuf::from(format!("effects/{}.rs", effect.name));
+        assert!(files.contains_key(&path), "{} is missing", path.display());
+    }
+}
