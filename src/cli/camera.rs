@@ -44,6 +44,13 @@ impl CameraArgs {
 }
 
 impl Changes {
+    /// Whether nothing is changed.
+    pub fn are_none(&self) -> bool {
+        let sized = self.camera_format.is_some() || self.width.is_some() || self.height.is_some();
+        let timed = self.readout_hz.is_some() || self.exposure.is_some();
+        !sized && !timed && self.effect.is_empty() && self.without.is_empty()
+    }
+
     pub fn apply(&self, mut camera: Camera) -> Result<Camera> {
         let sensor = &mut camera.sensor;
         let (mut width, mut height) = (sensor.geometry.width() as u32, sensor.geometry.height() as u32);

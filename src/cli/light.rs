@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use spikelane::light::{Chart, Fit, Insertion, Motion, Moving, Options, Rate, Source, Timeline, Transfer};
 use spikelane::light::open;
+use spikelane::light::{Chart, Fit, Insertion, Motion, Moving, Options, Rate, Source, Timeline, Transfer};
 use spikelane::simulate::LightFacts;
 use spikelane::{Camera, Error, Kind, Result};
 

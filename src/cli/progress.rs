@@ -80,10 +80,9 @@ fn interrupted() -> Error {
 
 fn bar(total: Option<u64>) -> ProgressBar {
     let (bar, template) = match total {
-        Some(n) => (
-            ProgressBar::new(n),
-            "{wide_bar} {human_pos}/{human_len} readouts, {per_sec}, {eta} left",
-        ),
+        Some(n) => {
+            (ProgressBar::new(n), "{wide_bar} {human_pos}/{human_len} readouts, {per_sec}, {eta} left")
+        }
         None => (ProgressBar::new_spinner(), "{spinner} {human_pos} readouts, {per_sec}, {elapsed}"),
     };
     bar.with_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()))

@@ -180,7 +180,7 @@ fn simulate(args: &Args, job: &Run, light: Light, layout: Layout, names: &Names,
     let outcome = ran.map_err(|e| progress.cause(e))?;
     drop(progress);
     let seconds = start.elapsed().as_secs_f64();
-    if !job.camera.maps_are_empty() {
+    if job.camera.maps != spikelane::effects::Maps::default() {
         save_camera(&job.camera, &names.camera, args.force)?;
     }
     picture(args, job, &outcome, layout, names)?;
