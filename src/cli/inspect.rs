@@ -1,0 +1,152 @@
+//! `spikelane inspect`.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+use spikelane::formats::Reader;
+use spikelane::measure::{Accumulator, Options, summarise};
+use spikelane::reconstruct::tfp;
+use spikelane::simulate::Sidecar;
+use spikelane::spikes::Packed;
+use spikelane::{Result, storage};
+
+use super::output::{Out, bytes_text};
+use super::picture::{around, bright, grey, png};
+use super::range::Readouts;
+use super::stream::StreamArgs;
+
+/// Bytes of packed frames in hand at a time.
+const BATCH: usize = 4 << 20;
+
+/// Readouts on either side of the middle that the first look counts.
+const HALF_WINDOW: usize = 80;
+
+/// Say what a stream file holds
+///
+/// Geometry, layout, number of readouts, rates, and pixels that stand out.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// Stream file (.dat, .npy, .npz)
+    file: PathBuf,
+    #[command(flatten)]
+    stream: StreamArgs,
+    /// Measure only these readouts, such as 0..1000
+    #[arg(long, value_name = "A..B", default_value = "..")]
+    readouts: Readouts,
+    /// Also compute the digest of the file and compare it with the sidecar's
+    #[arg(long)]
+    digest: bool,
+    /// Write a first look, the middle of the stream as grey levels
+    #[arg(long, value_name = "PNG")]
+    png: Option<PathBuf>,
+    /// Overwrite the picture
+    #[arg(long)]
+    force: bool,
+}
+
+pub fn run(args: &Args, out: &Out) -> Result<()> {
+    let reader = args.stream.open(&args.file)?;
+    let sidecar = Sidecar::beside(&args.file).ok().flatten();
+    let range = args.readouts.of(reader.readouts());
+    let measured = measure(&reader, range.clone())?;
+    let digest = args.digest.then(|| storage::Digest::of_file(&args.file)).transpose()?;
+    let known = sidecar.as_ref().map(|(_, s)| &s.facts(&file_name(&args.file)).digest);
+    let matches = digest.as_ref().and_then(|d| known.map(|k| k == d));
+    if let Some(path) = &args.png {
+        let at = range.start + range.len() / 2;
+        let (bytes, centre) = around(&reader, at, HALF_WINDOW)?;
+        let rates = tfp(Packed::new(reader.geometry(), &bytes)?, centre, HALF_WINDOW)?;
+        let image = grey(&rates, bright(&rates), reader.geometry());
+        storage::write_small(path, &png(&image)?, args.force)?;
+    }
+    let bytes = std::fs::metadata(&args.file).map_or(0, |m| m.len());
+    let (leading, trailing) = reader.dropped_bytes();
+    let event = json!({
+        "file": args.file.display().to_string(), "bytes": bytes, "layout": reader.layout().name(),
+        "width": reader.geometry().width(), "height": reader.geometry().height(),
+        "readouts": reader.readouts(), "dropped_bytes": leading + trailing,
+        "measured_readouts": [range.start, range.end],
+        "mean_rate": measured.mean, "least_pixel_rate": measured.least, "greatest_pixel_rate": measured.greatest,
+        "dead_pixels": measured.dead, "stuck_pixels": measured.stuck, "hot_pixels": measured.hot,
+        "weak_pixels": measured.weak, "digest": digest, "digest_matches": matches,
+        "sidecar": sidecar.as_ref().map(|(path, _)| path.display().to_string()),
+    });
+    let seconds = sidecar
+        .as_ref()
+        .and_then(|(_, s)| s.readout_hz)
+        .map_or(String::new(), |hz| format!(", {:.4} s at {hz} Hz", reader.readouts() as f64 / hz));
+    let mut text = format!(
+        "{}: {} readouts of {}{seconds}; layout {}, {}\n\
+         mean rate  {:.5} spikes per readout; pixels from {:.5} to {:.5}\n\
+         pixels     {} dead, {} always firing, {} brighter and {} darker than their neighbours\n",
+        args.file.display(),
+        reader.readouts(),
+        reader.geometry(),
+        reader.layout(),
+        bytes_text(bytes),
+        measured.mean,
+        measured.least,
+        measured.greatest,
+        measured.dead,
+        measured.stuck,
+        measured.hot,
+        measured.weak,
+    );
+    if leading + trailing > 0 {
+        text += &format!("left out   {leading} bytes before and {trailing} behind the whole frames\n");
+    }
+    if let Some(digest) = &digest {
+        let verdict = match matches {
+            Some(true) => "as the sidecar says",
+            Some(false) => "NOT the sidecar's",
+            None => "no sidecar to compare it with",
+        };
+        text += &format!("digest     {digest} ({verdict})\n");
+    }
+    out.result(&event, &text)
+}
+
+pub fn file_name(path: &std::path::Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+struct Measured {
+    mean: f64,
+    least: f64,
+    greatest: f64,
+    dead: usize,
+    stuck: usize,
+    hot: usize,
+    weak: usize,
+}
+
+fn measure(reader: &Reader, range: std::ops::Range<usize>) -> Result<Measured> {
+    let geometry = reader.geometry();
+    let options = Options { frames: false, ..Options::without_intervals() };
+    let mut sums = Accumulator::new(geometry, &options)?;
+    let step = (BATCH / geometry.frame_bytes()).max(1);
+    let mut packed = vec![0; step * geometry.frame_bytes()];
+    // Refuses a range beyond the end.
+    reader.frames(range.clone())?;
+    for first in range.clone().step_by(step) {
+        let count = step.min(range.end - first);
+        let packed = &mut packed[..count * geometry.frame_bytes()];
+        reader.read_frames(first, packed)?;
+        reader.release(first..first + count);
+        sums.push(Packed::new(geometry, packed)?)?;
+    }
+    let statistics = sums.finish();
+    let defects = summarise(&statistics)?.defects;
+    let counts = statistics.counts.map(|c| c.count).unwrap_or_default();
+    let of = |n: u32| f64::from(n) / range.len() as f64;
+    let total: u64 = counts.iter().map(|&n| u64::from(n)).sum();
+    Ok(Measured {
+        mean: total as f64 / range.len() as f64 / geometry.pixels() as f64,
+        least: of(counts.iter().copied().min().unwrap_or(0)),
+        greatest: of(counts.iter().copied().max().unwrap_or(0)),
+        dead: defects.dead.len(),
+        stuck: defects.stuck.len(),
+        hot: defects.hot.len(),
+        weak: defects.weak.len(),
+    })
+}

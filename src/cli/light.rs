@@ -1,0 +1,175 @@
+//! Flags that describe the light, and the source and timeline that they amount to.
+
+use std::path::PathBuf;
+
+use spikelane::light::open;
+use spikelane::light::{Chart, Fit, Insertion, Motion, Moving, Options, Rate, Source, Timeline, Transfer};
+use spikelane::simulate::LightFacts;
+use spikelane::{Camera, Error, Kind, Result};
+
+use super::camera::exact_rate;
+
+/// Frames per second of the chart, and of a motion, when nobody says otherwise: at 20 kHz a
+/// frame for 20 readouts, in which the fastest bar of a 400-pixel chart moves one pixel.
+const FRAMES_PER_S: u64 = 1000;
+
+/// Readouts of the chart when nobody says otherwise: a fifth of a second at 20 kHz.
+const CHART_READOUTS: u64 = 4000;
+
+#[derive(clap::Args, Clone, Debug, Default)]
+pub struct LightArgs {
+    /// Folder of images, image, video, .npy, .npz, .y4m, or - for y4m or npy on standard input;
+    /// the built-in test chart if left out
+    pub input: Option<PathBuf>,
+    /// The most readouts; by default the stream ends with the input
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Light")]
+    pub readouts: Option<u64>,
+    /// Readouts that each frame of the input lasts
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..),
+          conflicts_with = "source_hz", help_heading = "Light")]
+    pub readouts_per_frame: Option<u64>,
+    /// Frames of the input per second, such as 25 or 30000/1001 [default: what the input states]
+    #[arg(long, value_name = "HZ", help_heading = "Light")]
+    pub source_hz: Option<Rate>,
+    /// What the light does between two frames: hold or linear
+    #[arg(long, value_name = "RULE", default_value = "hold", help_heading = "Light")]
+    pub insertion: Insertion,
+    /// How stored values become light: linear, srgb, or an exponent such as 2.2 [default: srgb for
+    /// images and video, linear for arrays and EXR]
+    #[arg(long, value_name = "FUNCTION", help_heading = "Light")]
+    pub transfer: Option<Transfer>,
+    /// How frames are brought to the camera's size: resize, stretch or crop
+    #[arg(long, value_name = "HOW", default_value = "resize", help_heading = "Light")]
+    pub fit: Fit,
+    /// Motion over a single image: pan=X,Y in pixels per second, zoom=FACTOR and rotate=DEGREES per second,
+    /// joined by ':'
+    #[arg(long, value_name = "MOTION", help_heading = "Light")]
+    pub motion: Option<String>,
+    /// Brightest light in full scales; brighter light is cut to it [default: 1, or 2 for floats]
+    #[arg(long, value_name = "FULL_SCALES", help_heading = "Light")]
+    pub greatest_light: Option<f64>,
+}
+
+/// Light that is ready to run.
+pub struct Light {
+    pub source: Box<dyn Source>,
+    pub timeline: Timeline,
+    pub readouts: Option<u64>,
+    rate: Option<Rate>,
+}
+
+impl LightArgs {
+    pub fn open(&self, camera: &Camera) -> Result<Light> {
+        let readout = exact_rate(camera.sensor.readout_hz)?;
+        if self.input.is_none() {
+            return self.chart(camera, readout);
+        }
+        if self.motion.is_some() {
+            return self.moving(camera, readout);
+        }
+        let source = open(&self.input.clone().unwrap_or_default(), &self.options(camera, None))?;
+        let rate = self.source_hz.or(source.rate());
+        let timeline = match (self.readouts_per_frame, rate) {
+            (Some(n), _) => Timeline::per_frame(n, self.insertion)?,
+            _ if source.frames() == Some(1) => Timeline::still(),
+            (None, Some(rate)) => Timeline::rates(rate, readout, self.insertion)?,
+            (None, None) => return Err(no_rate(&source.describe())),
+        };
+        if timeline == Timeline::still() && self.readouts.is_none() {
+            return Err(Error::new(Kind::Usage, source.describe())
+                .found("one frame and no number of readouts")
+                .expected("how long it is held")
+                .remedy("give --readouts or --readouts-per-frame"));
+        }
+        Ok(Light { source, timeline, readouts: self.readouts, rate })
+    }
+
+    fn options(&self, camera: &Camera, moving: Option<Moving>) -> Options {
+        Options { fit: self.fit, transfer: self.transfer, moving, ..Options::new(camera.sensor.geometry) }
+    }
+
+    /// Rate and timeline of light that is drawn at any rate.
+    fn drawn(&self, readout: Rate) -> Result<(Rate, Timeline)> {
+        if let Some(n) = self.readouts_per_frame {
+            let (num, den) = readout.parts();
+            let rate = Rate::new(num, den.saturating_mul(n))?;
+            return Ok((rate, Timeline::per_frame(n, self.insertion)?));
+        }
+        let rate = match self.source_hz {
+            Some(rate) => rate,
+            None => Rate::new(FRAMES_PER_S, 1)?,
+        };
+        Ok((rate, Timeline::rates(rate, readout, self.insertion)?))
+    }
+
+    /// Frames that `readouts` readouts see, and the one behind them for linear insertion.
+    fn frames(&self, timeline: &Timeline, readouts: u64) -> u64 {
+        timeline.at(readouts - 1).frame + 1 + u64::from(self.insertion == Insertion::Linear)
+    }
+
+    fn chart(&self, camera: &Camera, readout: Rate) -> Result<Light> {
+        let unused = [("--transfer", self.transfer.is_some()), ("--motion", self.motion.is_some())];
+        if let Some((flag, _)) = unused.iter().find(|(_, given)| *given) {
+            return Err(Error::new(Kind::Usage, flag)
+                .found("no input that it could apply to")
+                .expected("an image or video before it")
+                .remedy("the test chart is linear light with a motion of its own"));
+        }
+        let (rate, timeline) = self.drawn(readout)?;
+        let readouts = self.readouts.unwrap_or(CHART_READOUTS);
+        let frames = self.frames(&timeline, readouts);
+        let source = Box::new(Chart::new(camera.sensor.geometry, rate, Some(frames))?);
+        Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate) })
+    }
+
+    fn moving(&self, camera: &Camera, readout: Rate) -> Result<Light> {
+        let path = self.input.clone().unwrap_or_default();
+        let motion: Motion = self.motion.as_deref().unwrap_or_default().parse()?;
+        let Some(readouts) = self.readouts else {
+            return Err(Error::new(Kind::Usage, "--motion")
+                .found("no number of readouts")
+                .expected("how long the camera moves")
+                .remedy("give --readouts"));
+        };
+        let (rate, timeline) = self.drawn(readout)?;
+        let frames = self.frames(&timeline, readouts);
+        let source = open(&path, &self.options(camera, Some(Moving { motion, rate, frames })))?;
+        Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate) })
+    }
+}
+
+fn no_rate(about: &str) -> Error {
+    Error::new(Kind::Usage, about)
+        .found("frames without a rate")
+        .expected("how long each of them lasts")
+        .remedy("give --readouts-per-frame or --source-hz")
+}
+
+impl Light {
+    /// For the sidecar; what only the run can tell is filled in afterwards.
+    pub fn facts(&self, args: &LightArgs, camera: &Camera) -> LightFacts {
+        let chart = args.input.is_none();
+        let by_default = if chart { "linear" } else { "default" };
+        let insertion = format!("{:?}", self.timeline.insertion()).to_lowercase();
+        let per_frame = (self.timeline != Timeline::still()).then(|| self.per_frame(args, camera));
+        LightFacts {
+            source: self.source.describe(),
+            transfer: args.transfer.map_or(by_default.to_owned(), |t| t.to_string()),
+            fit: format!("{:?}", args.fit).to_lowercase(),
+            motion: args.motion.clone(),
+            insertion,
+            readouts_per_frame: per_frame,
+            source_rate: self.rate.map(|r| r.to_string()),
+            exposure_electrons: camera.sensor.thresholds_at_full_scale * camera.operating(0.0).electrons,
+            ..LightFacts::default()
+        }
+    }
+
+    fn per_frame(&self, args: &LightArgs, camera: &Camera) -> String {
+        match (args.readouts_per_frame, self.rate) {
+            (Some(n), _) => n.to_string(),
+            (None, Some(rate)) => format!("{}", camera.sensor.readout_hz / rate.hz()),
+            (None, None) => String::new(),
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! The command line: one file per command, on the library's public doors alone.
+
+mod camera;
+mod completions;
+mod convert;
+mod effects;
+mod first_run;
+mod inspect;
+mod light;
+mod man;
+mod output;
+mod picture;
+mod preset;
+mod progress;
+mod range;
+mod reconstruct;
+mod simulate;
+mod stream;
+mod verify;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use spikelane::Result;
+
+use output::Out;
+
+/// Simulate spike cameras: light in, bit-packed spike streams out.
+///
+/// Without a command it simulates the built-in test chart into ./out and says what it did.
+/// Exit codes: 0 done, 2 usage, 3 camera or preset, 4 input, 5 system, 6 no space,
+/// 7 output exists, 8 ffmpeg, 9 digest does not match, 130 interrupted.
+#[derive(Parser)]
+#[command(name = "spikelane", version, max_term_width = 100)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// Print one JSON object a line to standard output; text for people goes to standard error
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Simulate(Box<simulate::Args>),
+    Inspect(inspect::Args),
+    Convert(convert::Args),
+    Verify(verify::Args),
+    Reconstruct(reconstruct::Args),
+    Preset(preset::Args),
+    Effects(effects::Args),
+    Completions(completions::Args),
+    Man(man::Args),
+}
+
+/// Parses, runs, and turns an error into its exit code.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let out = Out::new(cli.json);
+    match dispatch(cli.command, &out) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            out.error(&error);
+            ExitCode::from(error.kind().exit_code())
+        }
+    }
+}
+
+fn dispatch(command: Option<Command>, out: &Out) -> Result<()> {
+    match command {
+        None => first_run::run(out),
+        Some(Command::Simulate(args)) => simulate::run(&args, out),
+        Some(Command::Inspect(args)) => inspect::run(&args, out),
+        Some(Command::Convert(args)) => convert::run(&args, out),
+        Some(Command::Verify(args)) => verify::run(&args, out),
+        Some(Command::Reconstruct(args)) => reconstruct::run(&args, out),
+        Some(Command::Preset(args)) => preset::run(&args, out),
+        Some(Command::Effects(args)) => effects::run(&args, out),
+        Some(Command::Completions(args)) => completions::run(&args, out),
+        Some(Command::Man(args)) => man::run(&args, out),
+    }
+}

@@ -1,0 +1,76 @@
+//! What the program says, and where: results to standard output, the rest to standard error.
+
+use std::io::{ErrorKind, Write};
+
+use serde_json::{Value, json};
+use spikelane::{Error, Result};
+
+/// The two channels.
+#[derive(Clone, Copy, Debug)]
+pub struct Out {
+    json: bool,
+}
+
+impl Out {
+    pub const fn new(json: bool) -> Self {
+        Self { json }
+    }
+
+    pub const fn json(&self) -> bool {
+        self.json
+    }
+
+    /// One line of JSON, if asked for.
+    pub fn event(&self, value: &Value) -> Result<()> {
+        if self.json { write_out(format!("{value}\n").as_bytes()) } else { Ok(()) }
+    }
+
+    /// A result: the JSON line if asked for, else text to standard output.
+    pub fn result(&self, value: &Value, text: &str) -> Result<()> {
+        if self.json { self.event(value) } else { write_out(text.as_bytes()) }
+    }
+
+    /// A file's bytes as the result, whatever was asked for.
+    pub fn bytes(&self, bytes: &[u8]) -> Result<()> {
+        write_out(bytes)
+    }
+
+    /// Text for people, to standard error.
+    pub fn say(&self, text: impl std::fmt::Display) {
+        // Nobody is left to hear that standard error is closed.
+        let _ = writeln!(std::io::stderr(), "{text}");
+    }
+
+    pub fn error(&self, error: &Error) {
+        self.say(format_args!("spikelane: {error}"));
+        let kind = format!("{:?}", error.kind()).to_lowercase();
+        let code = error.kind().exit_code();
+        let event = json!({"event": "error", "kind": kind, "exit_code": code, "message": error.to_string()});
+        let _ = self.event(&event);
+    }
+}
+
+/// A reader that has seen enough (`| head`) is no error: the work goes on without it.
+fn write_out(bytes: &[u8]) -> Result<()> {
+    let mut stdout = std::io::stdout().lock();
+    match stdout.write_all(bytes).and_then(|()| stdout.flush()) {
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(Error::io("standard output", e)),
+        _ => Ok(()),
+    }
+}
+
+/// Bytes with a decimal prefix.
+pub fn bytes_text(bytes: u64) -> String {
+    let units = ["bytes", "kB", "MB", "GB", "TB", "PB"];
+    let (mut value, mut unit) = (bytes as f64, 0);
+    while value >= 999.5 && unit + 1 < units.len() {
+        value /= 1000.0;
+        unit += 1;
+    }
+    if unit == 0 { format!("{bytes} bytes") } else { format!("{value:.1} {}", units[unit]) }
+}
+
+/// The command line as it was given, for the sidecar.
+pub fn command_line() -> Vec<String> {
+    std::env::args_os().map(|a| a.to_string_lossy().into_owned()).collect()
+}

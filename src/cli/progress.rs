@@ -1,0 +1,89 @@
+//! How far a run is, and the request to stop it.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
+use spikelane::{Error, Kind, Result};
+
+use super::output::Out;
+
+/// Between two JSON events.
+const PERIOD: Duration = Duration::from_millis(200);
+
+/// A flag that Ctrl-C (or a polite kill) raises, so that unfinished files are removed in order.
+pub fn stop_flag() -> Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let raised = Arc::clone(&stop);
+    ctrlc::set_handler(move || raised.store(true, Ordering::Relaxed))
+        .map_err(|e| Error::new(Kind::Io, "signal handler").found(e))?;
+    Ok(stop)
+}
+
+/// A bar on a terminal, events when asked for JSON.
+pub struct Progress {
+    out: Out,
+    bar: Option<ProgressBar>,
+    stop: Arc<AtomicBool>,
+    start: Instant,
+    said: Instant,
+}
+
+impl Progress {
+    pub fn new(out: &Out, stop: Arc<AtomicBool>) -> Self {
+        let now = Instant::now();
+        Self { out: *out, bar: None, stop, start: now, said: now }
+    }
+
+    /// `done` readouts of `total`.
+    ///
+    /// # Errors
+    /// [`Kind::Interrupted`] once the flag is up.
+    pub fn step(&mut self, done: u64, total: Option<u64>) -> Result<()> {
+        if self.stop.load(Ordering::Relaxed) {
+            return Err(interrupted());
+        }
+        // Draws to standard error, and only when that is a terminal.
+        self.bar.get_or_insert_with(|| bar(total)).set_position(done);
+        if self.out.json() && self.said.elapsed() >= PERIOD {
+            self.said = Instant::now();
+            let seconds = self.start.elapsed().as_secs_f64();
+            let per_second = done as f64 / seconds;
+            self.out.event(&json!({
+                "event": "progress", "readouts": done, "total": total, "seconds": seconds,
+                "readouts_per_second": per_second,
+                "seconds_left": total.map(|n| n.saturating_sub(done) as f64 / per_second),
+            }))?;
+        }
+        Ok(())
+    }
+
+    /// What went wrong, unless it went wrong because of the request to stop.
+    pub fn cause(&self, error: Error) -> Error {
+        if self.stop.load(Ordering::Relaxed) { interrupted() } else { error }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+fn interrupted() -> Error {
+    Error::new(Kind::Interrupted, "stopped on request").remedy("unfinished files are removed")
+}
+
+fn bar(total: Option<u64>) -> ProgressBar {
+    let (bar, template) = match total {
+        Some(n) => {
+            (ProgressBar::new(n), "{wide_bar} {human_pos}/{human_len} readouts, {per_sec}, {eta} left")
+        }
+        None => (ProgressBar::new_spinner(), "{spinner} {human_pos} readouts, {per_sec}, {elapsed}"),
+    };
+    bar.with_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()))
+}

@@ -1,0 +1,229 @@
+//! `spikelane reconstruct`.
+
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+use serde_json::json;
+use spikelane::formats::Reader;
+use spikelane::reconstruct::{isi_map, tfi, tfp};
+use spikelane::spikes::Packed;
+use spikelane::{Error, Geometry, Kind, Result, storage};
+
+use super::output::Out;
+use super::picture::{around, bright, grey, png};
+use super::progress::{Progress, stop_flag};
+use super::stream::StreamArgs;
+
+mod array;
+mod video;
+
+/// Make pictures of spikes
+///
+/// One picture (.png), an array of all (.npy, spikes per readout as f32; intervals in readouts for
+/// isi), a folder of numbered PNGs, or a video through ffmpeg (.mp4, .mkv, .mov, .avi, .webm).
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// Stream file
+    file: PathBuf,
+    /// Where to write: .png, .npy, a video, or a folder
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    #[command(flatten)]
+    stream: StreamArgs,
+    /// tfp counts spikes in a window, tfi takes one over the interval around a moment, isi its length
+    #[arg(long, value_enum, default_value_t = Method::Tfp)]
+    method: Method,
+    /// Readout to look at [default: the middle]
+    #[arg(long, value_name = "READOUT", conflicts_with = "every")]
+    at: Option<usize>,
+    /// Readouts in the window of tfp; for tfi and isi, readouts searched on either side
+    #[arg(long, value_name = "READOUTS", value_parser = clap::value_parser!(u32).range(1..))]
+    window: Option<u32>,
+    /// Make a picture every so many readouts (folder, .npy and video) [default there: the window]
+    #[arg(long, value_name = "READOUTS", value_parser = clap::value_parser!(u32).range(1..))]
+    every: Option<u32>,
+    /// Value that is shown white [default: what one pixel in 500 of the first picture exceeds]
+    #[arg(long, value_name = "RATE")]
+    white: Option<f32>,
+    /// Pictures per second of a video
+    #[arg(long, value_name = "HZ", default_value_t = 25, value_parser = clap::value_parser!(u32).range(1..))]
+    fps: u32,
+    /// Overwrite files of the same name
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Method {
+    Tfp,
+    Tfi,
+    Isi,
+}
+
+impl Args {
+    /// Readouts on either side that a picture needs.
+    fn half(&self) -> usize {
+        match (self.method, self.window) {
+            (Method::Tfp, Some(window)) => (window / 2) as usize,
+            (Method::Tfp, None) => 80,
+            (_, Some(search)) => search as usize,
+            (_, None) => 300,
+        }
+    }
+
+    fn picture(&self, reader: &Reader, at: usize) -> Result<Vec<f32>> {
+        let half = self.half();
+        let (bytes, centre) = around(reader, at, half)?;
+        let packed = Packed::new(reader.geometry(), &bytes)?;
+        match self.method {
+            Method::Tfp => tfp(packed, centre, half),
+            Method::Tfi => tfi(packed, centre, half),
+            Method::Isi => Ok(isi_map(packed, centre)?.into_iter().map(|n| n as f32).collect()),
+        }
+    }
+
+    /// The readouts of the pictures: one, or one in each step, in its middle.
+    fn moments(&self, readouts: usize, many: bool) -> Vec<usize> {
+        if !many || self.at.is_some() {
+            return vec![self.at.unwrap_or(readouts / 2)];
+        }
+        let step = self.every.map_or(2 * self.half() + 1, |n| n as usize);
+        let first = (step / 2).min(readouts / 2);
+        (first..readouts).step_by(step).collect()
+    }
+}
+
+/// What the name of the output asks for.
+enum Target {
+    Png,
+    Npy,
+    Video,
+    Folder,
+}
+
+fn target(path: &Path) -> Result<Target> {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    match ending.as_deref() {
+        Some("png") => Ok(Target::Png),
+        Some("npy") => Ok(Target::Npy),
+        Some("mp4" | "mkv" | "mov" | "avi" | "webm") => Ok(Target::Video),
+        None => Ok(Target::Folder),
+        Some(_) if path.is_dir() => Ok(Target::Folder),
+        Some(other) => Err(Error::new(Kind::Usage, path.display())
+            .found(format_args!("the ending .{other}"))
+            .expected(".png, .npy, .mp4, .mkv, .mov, .avi, .webm, or a folder's name without an ending")),
+    }
+}
+
+/// Where pictures go.
+trait Sink {
+    fn put(&mut self, at: usize, values: &[f32]) -> Result<()>;
+    fn finish(self: Box<Self>) -> Result<()>;
+}
+
+pub fn run(args: &Args, out: &Out) -> Result<()> {
+    let target = target(&args.output)?;
+    let reader = args.stream.open(&args.file)?;
+    if args.white.is_some_and(|w| !(w.is_finite() && w > 0.0)) {
+        return Err(Error::new(Kind::Usage, "--white").expected("a positive number"));
+    }
+    let many = match target {
+        Target::Png if args.every.is_some() => {
+            return Err(Error::new(Kind::Usage, "--every")
+                .found("one picture to write")
+                .expected("a folder, .npy or a video as output"));
+        }
+        Target::Png => false,
+        Target::Npy => args.every.is_some(),
+        Target::Video | Target::Folder => true,
+    };
+    let moments = args.moments(reader.readouts(), many);
+    let first = args.picture(&reader, moments[0])?;
+    let white = args.white.unwrap_or_else(|| bright(&first));
+    let shown = Shown { white, geometry: reader.geometry() };
+    let mut sink: Box<dyn Sink> = match target {
+        Target::Png => Box::new(One { path: args.output.clone(), force: args.force, shown }),
+        Target::Folder => Box::new(Folder::new(args, shown)?),
+        Target::Npy => Box::new(array::Npy::new(args, reader.geometry(), moments.len(), many)?),
+        Target::Video => Box::new(video::Video::new(args, shown)?),
+    };
+    let mut progress = Progress::new(out, stop_flag()?);
+    for (i, &at) in moments.iter().enumerate() {
+        let picture = if i == 0 { first.clone() } else { args.picture(&reader, at)? };
+        sink.put(at, &picture).map_err(|e| progress.cause(e))?;
+        reader.release(0..at.saturating_sub(args.half()));
+        progress.step(i as u64 + 1, Some(moments.len() as u64))?;
+    }
+    sink.finish()?;
+    drop(progress);
+    out.say(format_args!("{}  {} of {}", args.output.display(), pictures(moments.len()), reader.geometry()));
+    out.event(&json!({
+        "event": "done", "file": args.output.display().to_string(), "pictures": moments.len(),
+        "method": format!("{:?}", args.method).to_lowercase(), "white": white, "readouts": moments,
+    }))
+}
+
+fn pictures(n: usize) -> String {
+    if n == 1 { "1 picture".into() } else { format!("{n} pictures") }
+}
+
+/// How values become grey levels.
+#[derive(Clone, Copy)]
+struct Shown {
+    white: f32,
+    geometry: Geometry,
+}
+
+impl Shown {
+    fn image(&self, values: &[f32]) -> image::GrayImage {
+        grey(values, self.white, self.geometry)
+    }
+}
+
+struct One {
+    path: PathBuf,
+    force: bool,
+    shown: Shown,
+}
+
+impl Sink for One {
+    fn put(&mut self, _: usize, values: &[f32]) -> Result<()> {
+        storage::write_small(&self.path, &png(&self.shown.image(values))?, self.force)
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(())
+    }
+}
+
+struct Folder {
+    path: PathBuf,
+    force: bool,
+    shown: Shown,
+}
+
+impl Folder {
+    fn new(args: &Args, shown: Shown) -> Result<Self> {
+        let path = args.output.clone();
+        std::fs::create_dir_all(&path).map_err(|e| Error::io(path.display(), e))?;
+        let mut entries = std::fs::read_dir(&path).map_err(|e| Error::io(path.display(), e))?;
+        if !args.force && entries.next().is_some() {
+            return Err(Error::new(Kind::Exists, path.display())
+                .found("a folder that is not empty")
+                .expected("an empty or new folder")
+                .remedy("choose another folder, or allow overwriting with --force"));
+        }
+        Ok(Self { path, force: args.force, shown })
+    }
+}
+
+impl Sink for Folder {
+    fn put(&mut self, at: usize, values: &[f32]) -> Result<()> {
+        let path = self.path.join(format!("{at:09}.png"));
+        storage::write_small(&path, &png(&self.shown.image(values))?, self.force)
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(())
+    }
+}
