@@ -21,7 +21,8 @@ fn table() -> String {
                 Form::Choice(words) => words.join(", "),
             };
             let (neutral, typical) = (p.format(p.neutral), p.format(p.typical));
-            writeln!(text, "| `{}` | `{}` | {range} | {neutral} | {typical} | {} |", d.name, p.key, p.help).unwrap();
+            writeln!(text, "| `{}` | `{}` | {range} | {neutral} | {typical} | {} |", d.name, p.key, p.help)
+                .unwrap();
         }
     }
     text
