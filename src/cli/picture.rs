@@ -4,7 +4,6 @@ use std::io::Cursor;
 
 use image::{GrayImage, ImageFormat, Luma, imageops};
 use spikelane::formats::Reader;
-use spikelane::light::Samples;
 use spikelane::reconstruct::{tfi, tfp};
 use spikelane::simulate::Glance;
 use spikelane::spikes::{Packed, bit};
@@ -77,14 +76,14 @@ fn window(reader: &Reader, at: usize) -> Result<Vec<f32>> {
 }
 
 /// Four panels: the light, one readout of spikes, TFP of the noisy stream, and TFP of the clean
-/// one, or TFI of the noisy one where there is none. `white` is the rate that is shown white.
-pub fn sheet(glance: &Glance, noisy: &Reader, clean: Option<&Reader>, white: f32) -> Result<Vec<u8>> {
+/// one, or TFI of the noisy one where there is none. `full` is the rate of full-scale light. White
+/// is what one pixel in 500 of the light exceeds, the same for all, so that dark scenes show too.
+pub fn sheet(glance: &Glance, noisy: &Reader, clean: Option<&Reader>, full: f32) -> Result<Vec<u8>> {
     let geometry = noisy.geometry();
     let at = (glance.readout as usize).min(noisy.readouts() - 1);
-    let light = match glance.frame.samples() {
-        Samples::U8(v) => v.iter().map(|&x| f32::from(x) / 255.0).collect(),
-        _ => glance.frame.to_f32(),
-    };
+    let light = glance.frame.to_f32();
+    let brightest = bright(&light).min(1.0);
+    let white = full * brightest;
     let (spikes, centre) = around(noisy, at, 0)?;
     let frame = &spikes[centre * geometry.frame_bytes()..];
     let last = match clean {
@@ -96,7 +95,7 @@ pub fn sheet(glance: &Glance, noisy: &Reader, clean: Option<&Reader>, white: f32
         }
     };
     let panels = [
-        ("LIGHT", grey(&light, 1.0, geometry)),
+        ("LIGHT", grey(&light, brightest, geometry)),
         ("SPIKES", from_levels((0..geometry.pixels()).map(|p| 255 * u8::from(bit(frame, p))), geometry)),
         ("TFP NOISY", grey(&window(noisy, at)?, white, geometry)),
         last,

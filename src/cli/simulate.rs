@@ -153,7 +153,6 @@ fn job(args: &Args, camera: &Camera, light: &Light, layout: Layout, names: &Name
         force: args.force,
         backend,
         threads: args.threads.map_or(cpus, usize::from),
-        // An old twin would lie beside a sidecar that does not know it.
         stale: if args.force { vec![names.sidecar.clone(), names.picture.clone()] } else { Vec::new() },
         ..Run::new(camera.clone(), seeds, light.timeline)
     })
@@ -209,8 +208,9 @@ fn picture(args: &Args, job: &Run, outcome: &Outcome, layout: Layout, names: &Na
     let geometry = Some(job.camera.sensor.geometry);
     let noisy = Reader::open(&outcome.noisy.path, Some(layout), geometry)?;
     let clean = outcome.clean.as_ref().map(|c| Reader::open(&c.path, Some(layout), geometry)).transpose()?;
-    let white = job.camera.sensor.thresholds_at_full_scale.clamp(1e-6, 1.0) as f32;
-    let sheet = picture::sheet(&outcome.glance, &noisy, clean.as_ref(), white)?;
+    // No pixel fires more than once a readout, however bright.
+    let full = job.camera.sensor.thresholds_at_full_scale.clamp(1e-6, 1.0) as f32;
+    let sheet = picture::sheet(&outcome.glance, &noisy, clean.as_ref(), full)?;
     storage::write_small(&names.picture, &sheet, args.force)
 }
 

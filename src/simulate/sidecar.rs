@@ -254,8 +254,8 @@ impl Sidecar {
 pub fn save_camera(camera: &Camera, folder: &Path, force: bool) -> Result<PathBuf> {
     let saved = presets::to_toml(camera)?;
     let path = folder.join("camera.toml");
-    let all = saved.maps.iter().map(|(name, _)| folder.join(name)).chain([path.clone()]);
-    for taken in all.filter(|p| !force && p.exists()) {
+    let mut all = saved.maps.iter().map(|(name, _)| folder.join(name)).chain([path.clone()]);
+    if let Some(taken) = all.find(|p| !force && p.exists()) {
         return Err(Error::new(Kind::Exists, taken.display())
             .found("a file of that name")
             .expected("a free name")
