@@ -19,6 +19,7 @@ mod writer;
 pub use codec::Codec;
 pub use convert::{Crop, convert};
 pub use reader::{Frames, Reader};
+pub use sidecar::candidates as sidecar_paths;
 pub use writer::{Finished, StreamWriter};
 
 use crate::error::{Error, Kind, Result};

@@ -25,22 +25,29 @@ struct Keys {
     height: Option<u32>,
     layout: Option<String>,
     readouts: Option<u64>,
+    file: Option<String>,
 }
 
 /// The facts of the sidecar beside `path`, all `None` when there is no sidecar.
 pub(super) fn beside(path: &Path) -> Result<Facts> {
     for candidate in candidates(path) {
         match std::fs::metadata(&candidate) {
-            Ok(found) if found.is_file() => return read(&candidate, found.len()),
+            Ok(found) if found.is_file() => return read(&candidate, found.len(), path),
             _ => {}
         }
     }
     Ok(Facts::default())
 }
 
-/// `STEM.json`; the clean twin `STEM.clean.dat` shares it with `STEM.dat`.
-fn candidates(path: &Path) -> Vec<PathBuf> {
-    let mut found = vec![path.with_extension("json")];
+/// Where the sidecar of a stream may lie, the likeliest first.
+///
+/// `STEM.dat.json` (as `convert` writes it, since two layouts may share a stem), then `STEM.json`;
+/// the clean twin `STEM.clean.dat` shares that with `STEM.dat`.
+#[must_use]
+pub fn candidates(path: &Path) -> Vec<PathBuf> {
+    let mut whole = path.as_os_str().to_os_string();
+    whole.push(".json");
+    let mut found = vec![PathBuf::from(whole), path.with_extension("json")];
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
     if let Some(stem) = stem.strip_suffix(".clean") {
         found.push(path.with_file_name(format!("{stem}.json")));
@@ -48,7 +55,7 @@ fn candidates(path: &Path) -> Vec<PathBuf> {
     found
 }
 
-fn read(path: &Path, bytes: u64) -> Result<Facts> {
+fn read(path: &Path, bytes: u64, stream: &Path) -> Result<Facts> {
     if bytes > MAX_BYTES {
         return Err(Error::new(Kind::Config, path.display())
             .found(format_args!("{bytes} bytes"))
@@ -56,10 +63,10 @@ fn read(path: &Path, bytes: u64) -> Result<Facts> {
             .remedy("give width, height and layout, and it is not read"));
     }
     let text = std::fs::read(path).map_err(|e| Error::io(path.display(), e))?;
-    parse(&path.display().to_string(), &text)
+    parse(&path.display().to_string(), &text, stream)
 }
 
-fn parse(name: &str, text: &[u8]) -> Result<Facts> {
+fn parse(name: &str, text: &[u8], stream: &Path) -> Result<Facts> {
     let bad = |found: String| {
         Error::new(Kind::Config, name)
             .found(found)
@@ -78,6 +85,11 @@ fn parse(name: &str, text: &[u8]) -> Result<Facts> {
         Some(name) => Some(Layout::parse(&name).map_err(|_| bad(format!("layout '{name}'")))?),
         None => None,
     };
+    // `STEM.npy` beside a sidecar of `STEM.dat`: the same camera perhaps, but not the same layout.
+    let about = keys.file.as_deref().map_or(stream, Path::new);
+    if about.extension() != stream.extension() {
+        return Ok(Facts { geometry, layout: None, readouts: None });
+    }
     Ok(Facts { geometry, layout, readouts: keys.readouts })
 }
 
@@ -87,7 +99,8 @@ mod tests {
 
     #[test]
     fn unknown_keys_are_left_alone_and_wrong_ones_refused() {
-        let facts = parse("s", br#"{"width":8,"height":2,"layout":"dat-top","x":[{}]}"#).unwrap();
+        let facts =
+            parse("s", br#"{"width":8,"height":2,"layout":"dat-top","x":[{}]}"#, Path::new("s.dat")).unwrap();
         assert_eq!(facts.geometry, Geometry::new(8, 2).ok());
         assert_eq!(facts.layout, Some(Layout::DatTop));
         assert_eq!(facts.readouts, None);
@@ -100,14 +113,23 @@ mod tests {
             b"{",
             b"",
         ] {
-            assert_eq!(parse("s", wrong).unwrap_err().kind(), Kind::Config);
+            assert_eq!(parse("s", wrong, Path::new("s.dat")).unwrap_err().kind(), Kind::Config);
         }
+    }
+
+    #[test]
+    fn a_sidecar_of_another_extension_tells_the_geometry_only() {
+        let text = br#"{"width":8,"height":2,"layout":"dat","readouts":3,"file":"run.dat"}"#;
+        let facts = parse("s", text, Path::new("a/run.npy")).unwrap();
+        assert_eq!(facts, Facts { geometry: Geometry::new(8, 2).ok(), layout: None, readouts: None });
+        let moved = parse("s", text, Path::new("b/moved.dat")).unwrap();
+        assert_eq!((moved.layout, moved.readouts), (Some(Layout::Dat), Some(3)));
     }
 
     #[test]
     fn the_clean_twin_shares_the_sidecar() {
         let found = candidates(Path::new("a/run.clean.dat"));
-        assert_eq!(found[0], Path::new("a/run.clean.json"));
-        assert_eq!(found[1], Path::new("a/run.json"));
+        let expected = ["a/run.clean.dat.json", "a/run.clean.json", "a/run.json"];
+        assert_eq!(found, expected.map(PathBuf::from));
     }
 }

@@ -12,6 +12,11 @@ use crate::storage::{Digest, Writer};
 /// between the two, and are enough for all lanes of the digest.
 const PIECE: usize = 128 << 10;
 
+/// A stream of unknown length reserves this much at first, and then a quarter more each
+/// time, at most [`MOST_AHEAD`]: few calls, and never far more of the disk than is used.
+const FIRST: u64 = 16 << 20;
+const MOST_AHEAD: u64 = 1 << 30;
+
 /// A stream on its way into a file. Dropping it unfinished leaves nothing behind.
 #[derive(Debug)]
 pub struct StreamWriter {
@@ -21,6 +26,7 @@ pub struct StreamWriter {
     start: u64,
     readouts: u64,
     written: u64,
+    growing: bool,
 }
 
 /// A stream that is safe on the disk.
@@ -61,7 +67,65 @@ impl StreamWriter {
         writer.write_all(&header)?;
         let mut digest = Digest::new();
         digest.update(&header);
-        Ok(Self { writer, codec, digest, start: header.len() as u64, readouts, written: 0 })
+        let start = header.len() as u64;
+        Ok(Self { writer, codec, digest, start, readouts, written: 0, growing: false })
+    }
+
+    /// Begins a stream that will be called `path` and ends wherever [`finish`](Self::finish)
+    /// is called, for sources of unknown length. Space is reserved as the stream grows,
+    /// so a full disk shows in [`write_frames`](Self::write_frames).
+    ///
+    /// # Errors
+    /// As [`create`](Self::create).
+    pub fn create_growing(path: &Path, layout: Layout, geometry: Geometry, force: bool) -> Result<Self> {
+        let frame = Codec::new(layout, geometry)?.frame_bytes() as u64;
+        let mut stream = Self::create(path, layout, geometry, (FIRST / frame).max(1), force)?;
+        stream.growing = true;
+        Ok(stream)
+    }
+
+    /// Makes room for `frames` in all.
+    fn grow(&mut self, frames: u64) -> Result<()> {
+        let frame = self.codec.frame_bytes() as u64;
+        let ahead = (self.readouts / 4).min(MOST_AHEAD / frame);
+        let frames = frames.saturating_add(ahead);
+        // Checks that the file can be that long at all.
+        self.layout().file_bytes(self.geometry(), frames)?;
+        self.writer.resize(self.start + frames * frame)?;
+        self.readouts = frames;
+        Ok(())
+    }
+
+    /// Cuts a growing stream to what was written and makes its header say so.
+    fn settle(&mut self) -> Result<()> {
+        self.writer.resize(self.start + self.written * self.codec.frame_bytes() as u64)?;
+        self.readouts = self.written;
+        let header = self.layout().header(self.geometry(), self.written)?;
+        if header.is_empty() {
+            return Ok(());
+        }
+        // Both lengths round up to the same multiple for any number of readouts that fits a disk.
+        if header.len() as u64 != self.start {
+            return Err(Error::new(Kind::Usage, self.writer.path().display())
+                .found(format_args!("a header of {} bytes", header.len()))
+                .expected(format_args!("{}, as reserved", self.start))
+                .remedy("give the number of readouts"));
+        }
+        self.writer.window(0, header.len())?.copy_from_slice(&header);
+        self.digest_again()
+    }
+
+    /// The digest of a file whose first bytes have changed.
+    fn digest_again(&mut self) -> Result<()> {
+        let mut digest = Digest::new();
+        let mut at = 0;
+        while at < self.writer.bytes() {
+            let len = (self.writer.bytes() - at).min(1 << 20);
+            digest.update(self.writer.window(at, len as usize)?);
+            at += len;
+        }
+        self.digest = digest;
+        Ok(())
     }
 
     /// Width and height.
@@ -76,7 +140,8 @@ impl StreamWriter {
         self.codec.layout()
     }
 
-    /// The number of frames the finished stream will have.
+    /// The number of frames the finished stream will have; of a growing stream, those it
+    /// has room for at present.
     #[must_use]
     pub const fn readouts(&self) -> u64 {
         self.readouts
@@ -97,6 +162,9 @@ impl StreamWriter {
     pub fn write_frames(&mut self, first: u64, packed: &[u8]) -> Result<()> {
         let size = self.geometry().frame_bytes();
         let frames = (packed.len() / size) as u64;
+        if self.growing && first == self.written && frames > self.readouts - self.written {
+            self.grow(self.written + frames)?;
+        }
         let fits = packed.len().is_multiple_of(size) && frames <= self.readouts - self.written;
         if first != self.written || !fits {
             return Err(Error::new(Kind::Usage, self.writer.path().display())
@@ -123,7 +191,10 @@ impl StreamWriter {
     /// # Errors
     /// [`Kind::Usage`] when frames are missing (nothing is left behind then);
     /// otherwise as [`Writer::finish`].
-    pub fn finish(self) -> Result<Finished> {
+    pub fn finish(mut self) -> Result<Finished> {
+        if self.growing && self.written > 0 {
+            self.settle()?;
+        }
         if self.written != self.readouts {
             return Err(Error::new(Kind::Usage, self.writer.path().display())
                 .found(format_args!("{} frames", self.written))

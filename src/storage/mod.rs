@@ -32,3 +32,20 @@ pub fn write_small(path: &Path, bytes: &[u8], force: bool) -> Result<()> {
     partial.file().write_all(bytes).map_err(|e| Error::io(path.display(), e))?;
     partial.commit().map(drop)
 }
+
+/// Bytes that an ordinary user may still write to the disk that holds (or will hold) `path`.
+///
+/// # Errors
+/// When neither the directory of `path` nor one above it can be asked.
+pub fn free_space(path: &Path) -> Result<u64> {
+    let mut at = path;
+    loop {
+        match writer::free_bytes(at) {
+            Ok(free) => return Ok(free),
+            Err(e) => match at.parent() {
+                Some(parent) if !parent.as_os_str().is_empty() => at = parent,
+                _ => return Err(Error::io(path.display(), e)),
+            },
+        }
+    }
+}

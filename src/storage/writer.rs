@@ -61,8 +61,27 @@ impl Writer {
     pub fn create(path: &Path, bytes: u64, force: bool) -> Result<Self> {
         let partial = Partial::create(path, force)?;
         check_space(path, bytes)?;
-        reserve(partial.file(), bytes).map_err(|e| reserve_error(path, bytes, e))?;
+        reserve(partial.file(), 0, bytes).map_err(|e| reserve_error(path, bytes, e))?;
         Ok(Self { window: None, partial, bytes, position: 0 })
+    }
+
+    /// Makes the file longer (with zeros, reserved as at the start) or cuts it.
+    ///
+    /// # Errors
+    /// [`Kind::Space`] when the disk cannot hold it; what the operating system refuses.
+    pub fn resize(&mut self, bytes: u64) -> Result<()> {
+        let path = self.path().to_path_buf();
+        // Nothing may be mapped where the file will end.
+        self.window = None;
+        if bytes > self.bytes {
+            check_space(&path, bytes - self.bytes)?;
+            let reserved = reserve(self.partial.file(), self.bytes, bytes);
+            reserved.map_err(|e| reserve_error(&path, bytes - self.bytes, e))?;
+        } else {
+            self.partial.file().set_len(bytes).map_err(|e| Error::io(path.display(), e))?;
+        }
+        self.bytes = bytes;
+        Ok(())
     }
 
     /// The length of the file.
@@ -168,7 +187,7 @@ impl Window {
     }
 }
 
-fn free_bytes(path: &Path) -> std::io::Result<u64> {
+pub(super) fn free_bytes(path: &Path) -> std::io::Result<u64> {
     let disk = rustix::fs::statvfs(directory(path))?;
     Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
 }
@@ -196,16 +215,16 @@ fn reserve_error(path: &Path, needed: u64, e: std::io::Error) -> Error {
     }
 }
 
-/// Gives the file its length with every block reserved.
-fn reserve(file: &File, bytes: u64) -> std::io::Result<()> {
-    if bytes == 0 {
+/// Makes a file of `from` bytes `to` bytes long, with every block reserved.
+fn reserve(file: &File, from: u64, to: u64) -> std::io::Result<()> {
+    if to == from {
         return Ok(());
     }
     loop {
-        match rustix::fs::fallocate(file, FallocateFlags::empty(), 0, bytes) {
+        match rustix::fs::fallocate(file, FallocateFlags::empty(), from, to - from) {
             Err(Errno::INTR) => {}
             Err(Errno::OPNOTSUPP | Errno::NOSYS | Errno::INVAL) => {
-                return reserve_by_writing(file, bytes);
+                return reserve_by_writing(file, from, to);
             }
             other => return Ok(other?),
         }
@@ -214,11 +233,11 @@ fn reserve(file: &File, bytes: u64) -> std::io::Result<()> {
 
 /// For file systems without `fallocate`. A sparse file (`set_len`) is cheaper, but then
 /// a full disk would show as a fatal signal in the middle of a store.
-fn reserve_by_writing(file: &File, bytes: u64) -> std::io::Result<()> {
+fn reserve_by_writing(file: &File, from: u64, to: u64) -> std::io::Result<()> {
     let zeros = vec![0; 1 << 20];
-    let mut at = 0;
-    while at < bytes {
-        let piece = (bytes - at).min(zeros.len() as u64);
+    let mut at = from;
+    while at < to {
+        let piece = (to - at).min(zeros.len() as u64);
         file.write_all_at(&zeros[..piece as usize], at)?;
         at += piece;
     }
@@ -234,12 +253,29 @@ mod tests {
     fn reserving_by_writing_takes_every_block() {
         let file = tempfile::tempfile().unwrap();
         let bytes = (3 << 20) + 5;
-        reserve_by_writing(&file, bytes).unwrap();
+        reserve_by_writing(&file, 0, bytes).unwrap();
         file.sync_all().unwrap();
         let found = file.metadata().unwrap();
         assert_eq!(found.len(), bytes);
         // Blocks of 512 bytes: a sparse file would hold none.
         assert!(found.blocks() * 512 >= bytes, "{} blocks", found.blocks());
+    }
+
+    #[test]
+    fn a_file_grows_and_is_cut_without_losing_what_it_holds() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("grown");
+        let mut writer = Writer::create(&path, 10, false).unwrap();
+        writer.window(0, 10).unwrap().fill(1);
+        writer.resize(WINDOW as u64 + 30).unwrap();
+        writer.window(WINDOW as u64 + 10, 10).unwrap().fill(2);
+        writer.resize(WINDOW as u64 + 20).unwrap();
+        assert!(writer.window(WINDOW as u64 + 20, 1).is_err());
+        writer.finish().unwrap();
+        let found = std::fs::read(&path).unwrap();
+        assert_eq!(found.len(), WINDOW + 20);
+        assert!(found[..10].iter().all(|&b| b == 1) && found[WINDOW + 10..].iter().all(|&b| b == 2));
+        assert!(found[10..WINDOW + 10].iter().all(|&b| b == 0));
     }
 
     #[test]

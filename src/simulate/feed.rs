@@ -1,0 +1,166 @@
+//! Frames of a source, cut into the segments of one batch after the other.
+
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::kernels::{self, Light, Segment};
+use crate::light::{Frame, Insertion, Samples, Source, Timeline};
+
+/// Light of some readouts of a batch: one frame, or the way to the next.
+pub(super) struct Piece {
+    from: Arc<Frame>,
+    to: Option<Arc<Frame>>,
+    weights: Vec<f32>,
+    pub readouts: usize,
+}
+
+impl Piece {
+    pub fn segment(&self) -> Segment<'_> {
+        let from = samples(&self.from);
+        let light = match &self.to {
+            Some(to) => Light::Between { from, to: samples(to), weights: &self.weights },
+            None => Light::Held(from),
+        };
+        Segment { readouts: self.readouts, light }
+    }
+}
+
+fn samples(frame: &Frame) -> kernels::Samples<'_> {
+    match frame.samples() {
+        Samples::U8(v) => kernels::Samples::U8(v),
+        Samples::U16(v) => kernels::Samples::U16(v),
+        Samples::F32(v) => kernels::Samples::F32(v),
+    }
+}
+
+fn bytes(frame: &Frame) -> usize {
+    let size = match frame.samples() {
+        Samples::U8(_) => 1,
+        Samples::U16(_) => 2,
+        Samples::F32(_) => 4,
+    };
+    size * frame.samples().len()
+}
+
+/// A source and where on its timeline the run is.
+pub(super) struct Feeder<'a> {
+    source: &'a mut dyn Source,
+    timeline: Timeline,
+    limit: u64,
+    /// The frame of the last piece, its index, and the one after it if that was read already.
+    current: Arc<Frame>,
+    index: u64,
+    next: Option<Arc<Frame>>,
+    over: bool,
+    at: u64,
+    greatest: f32,
+    pub frames: u64,
+    pub too_bright: u64,
+}
+
+impl<'a> Feeder<'a> {
+    /// Starts with `first`, the source's first frame, and ends before readout `limit`.
+    pub fn new(
+        source: &'a mut dyn Source,
+        first: Frame,
+        timeline: Timeline,
+        limit: u64,
+        greatest: f64,
+    ) -> Self {
+        let mut feeder = Self {
+            source,
+            timeline,
+            limit,
+            current: Arc::new(first),
+            index: 0,
+            next: None,
+            over: false,
+            at: 0,
+            greatest: greatest as f32,
+            frames: 0,
+            too_bright: 0,
+        };
+        feeder.count(&feeder.current.clone());
+        feeder
+    }
+
+    /// The next readout.
+    pub fn at(&self) -> u64 {
+        self.at
+    }
+
+    /// The frame that the last readout saw.
+    pub fn current(&self) -> &Frame {
+        &self.current
+    }
+
+    fn count(&mut self, frame: &Frame) {
+        self.frames += 1;
+        // Integers cannot exceed full scale, which every plan holds.
+        if matches!(frame.samples(), Samples::F32(_)) && frame.max() > self.greatest {
+            self.too_bright += 1;
+        }
+    }
+
+    fn read(&mut self) -> Result<Option<Arc<Frame>>> {
+        if self.over {
+            return Ok(None);
+        }
+        let mut frame = Frame::dark(self.source.geometry());
+        if !self.source.next_frame(&mut frame)? {
+            self.over = true;
+            return Ok(None);
+        }
+        self.count(&frame);
+        Ok(Some(Arc::new(frame)))
+    }
+
+    /// Goes on to frame `index`; frames that no readout sees are passed over. `false` at the end.
+    fn advance(&mut self, index: u64) -> Result<bool> {
+        while self.index < index {
+            let next = match self.next.take() {
+                Some(next) => Some(next),
+                None => self.read()?,
+            };
+            let Some(next) = next else { return Ok(false) };
+            self.current = next;
+            self.index += 1;
+        }
+        Ok(true)
+    }
+
+    /// Light of up to `readouts` readouts, whose frames hold little more than `room` bytes;
+    /// nothing at the end of the source or the limit.
+    pub fn fill(&mut self, readouts: usize, room: usize) -> Result<Vec<Piece>> {
+        let (mut pieces, mut left, mut held) = (Vec::new(), readouts as u64, 0);
+        while left > 0 && held <= room && self.at < self.limit {
+            let frame = self.timeline.at(self.at).frame;
+            if !self.advance(frame)? {
+                break;
+            }
+            let end = self.timeline.first_readout(frame.saturating_add(1)).unwrap_or(u64::MAX);
+            let count = (end - self.at).min(left).min(self.limit - self.at);
+            let piece = self.piece(count as usize)?;
+            held += bytes(&piece.from);
+            pieces.push(piece);
+            self.at += count;
+            left -= count;
+        }
+        Ok(pieces)
+    }
+
+    fn piece(&mut self, readouts: usize) -> Result<Piece> {
+        let moves = self.timeline.insertion() == Insertion::Linear
+            && (0..2).any(|i| self.timeline.at(self.at + i).part != 0);
+        if moves && self.next.is_none() {
+            self.next = self.read()?;
+        }
+        // The last frame has nowhere to go, and stays.
+        let to = self.next.clone().filter(|_| moves);
+        let weights = match to {
+            Some(_) => (self.at..self.at + readouts as u64).map(|t| self.timeline.at(t).weight()).collect(),
+            None => Vec::new(),
+        };
+        Ok(Piece { from: Arc::clone(&self.current), to, weights, readouts })
+    }
+}

@@ -1,0 +1,303 @@
+//! A whole run: light from a source into stream files.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use crate::draws::Seeds;
+use crate::effects::Camera;
+use crate::error::{Error, Kind, Result};
+use crate::formats::{Layout, StreamWriter};
+use crate::kernels::{Backend, Segment};
+use crate::light::{Frame, Samples, Source, Timeline};
+use crate::plan::Plan;
+use crate::simulate::Simulator;
+use crate::simulate::feed::{Feeder, Piece};
+use crate::spikes;
+
+/// Readouts between two writes: two of the simulator's batches.
+const READOUTS: usize = 256;
+
+/// Bytes of light, and of packed readouts, held at a time; so memory grows neither with the
+/// length of a stream nor with the number of its frames.
+const HELD: usize = 32 << 20;
+
+/// Light that a plan is made for when float frames may exceed full scale and nobody says how far.
+const BEYOND: f64 = 2.0;
+
+/// What to simulate, and how.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// The camera.
+    pub camera: Camera,
+    /// Its randomness.
+    pub seeds: Seeds,
+    /// When each frame of the source is seen.
+    pub timeline: Timeline,
+    /// The most readouts; without it the stream ends with the source. A source that ends
+    /// earlier ends the stream, unless the timeline holds one frame for good.
+    pub readouts: Option<u64>,
+    /// The brightest light in full scales, to which brighter light is cut. By default 1; for
+    /// a source whose first frame is of floats 2, if the camera's plan can hold that.
+    pub greatest_light: Option<f64>,
+    /// How frames lie in the files.
+    pub layout: Layout,
+    /// Whether files of the same name may be replaced.
+    pub force: bool,
+    /// How plans run.
+    pub backend: Backend,
+    /// Threads that the plans' tiles are shared between.
+    pub threads: usize,
+    /// Files that the new streams make untrue (an old sidecar); removed just before these get their names.
+    pub stale: Vec<PathBuf>,
+}
+
+impl Run {
+    /// A run to the end of the source, on the fastest backend, with one thread.
+    #[must_use]
+    pub fn new(camera: Camera, seeds: Seeds, timeline: Timeline) -> Self {
+        Self {
+            camera,
+            seeds,
+            timeline,
+            readouts: None,
+            greatest_light: None,
+            layout: Layout::default(),
+            force: false,
+            backend: Backend::best(),
+            threads: 1,
+            stale: Vec::new(),
+        }
+    }
+
+    /// The number of readouts that a source of `frames` frames gives; `None` when only its end will tell.
+    #[must_use]
+    pub fn expected(&self, frames: Option<u64>) -> Option<u64> {
+        if self.timeline == Timeline::still() {
+            return self.readouts;
+        }
+        let of_source = self.timeline.readouts(frames?)?;
+        Some(self.readouts.map_or(of_source, |n| n.min(of_source)))
+    }
+
+    fn plans(&self, first: &Frame, clean: bool) -> Result<(f64, Vec<Plan>)> {
+        let all = |light: f64| -> Result<Vec<Plan>> {
+            let mut plans = vec![Plan::with_light(&self.camera, self.seeds, light)?];
+            if clean {
+                plans.push(Plan::with_light(&self.camera.clean_twin(), self.seeds, light)?);
+            }
+            Ok(plans)
+        };
+        let light = match (self.greatest_light, first.samples()) {
+            (Some(light), _) => light,
+            (None, Samples::F32(_)) => match all(BEYOND) {
+                Ok(plans) => return Ok((BEYOND, plans)),
+                // The second attempt says what is wrong, if it is not the light.
+                Err(_) => 1.0,
+            },
+            (None, _) => 1.0,
+        };
+        Ok((light, all(light)?))
+    }
+}
+
+/// A stream that was written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Written {
+    /// Where.
+    pub path: PathBuf,
+    /// Length of the file.
+    pub bytes: u64,
+    /// Digest of the file, `blake3:<hex>`.
+    pub digest: String,
+    /// Spikes in it.
+    pub spikes: u64,
+}
+
+/// The light of one readout near the middle of a run, to show beside what was made of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Glance {
+    /// The readout.
+    pub readout: u64,
+    /// The frame at or before it.
+    pub frame: Frame,
+}
+
+/// What a run did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// The noisy stream.
+    pub noisy: Written,
+    /// Its clean twin, if one was asked for.
+    pub clean: Option<Written>,
+    /// Readouts of each.
+    pub readouts: u64,
+    /// Frames of the source that were read.
+    pub frames: u64,
+    /// The light that the plan was made for, in full scales.
+    pub greatest_light: f64,
+    /// Frames that held brighter light than that.
+    pub too_bright: u64,
+    /// A look at the light.
+    pub glance: Glance,
+    /// Time from the first batch to the last, reading light included.
+    pub simulated: Duration,
+    /// Time to bring the files to the disk.
+    pub synced: Duration,
+}
+
+/// A camera with its file.
+struct Track {
+    simulator: Simulator,
+    writer: StreamWriter,
+    spikes: u64,
+}
+
+impl Track {
+    fn step(&mut self, segments: &[Segment<'_>], packed: &mut [u8]) -> Result<()> {
+        self.simulator.run(segments, packed);
+        self.spikes += spikes::count(packed);
+        self.writer.write_frames(self.writer.written(), packed)
+    }
+}
+
+/// Simulates `source` into the file `noisy` and, if a path is given, the camera's clean twin
+/// into `clean`, in constant memory. After each batch `watch` hears how many readouts are
+/// done and how many are expected; its error stops the run, and nothing is left behind.
+///
+/// # Errors
+/// [`Kind::Usage`] when nothing would end the run; [`Kind::Input`] when the source has no frame or
+/// ends before the number it announced; otherwise those of the plan, the source, the files and `watch`.
+pub fn run(
+    job: &Run,
+    source: &mut dyn Source,
+    noisy: &Path,
+    clean: Option<&Path>,
+    watch: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
+) -> Result<Outcome> {
+    let about = source.describe();
+    if job.timeline == Timeline::still() && job.readouts.is_none() {
+        return Err(Error::new(Kind::Usage, &about)
+            .found("one frame, held for good")
+            .expected("a number of readouts")
+            .remedy("give --readouts"));
+    }
+    let total = job.expected(source.frames());
+    let mut first = Frame::dark(source.geometry());
+    if !source.next_frame(&mut first)? {
+        return Err(Error::new(Kind::Input, about).found("no frame").expected("at least one"));
+    }
+    let (greatest_light, plans) = job.plans(&first, clean.is_some())?;
+    let paths = [Some(noisy), clean].into_iter().flatten();
+    let mut tracks = plans
+        .into_iter()
+        .zip(paths)
+        .map(|(plan, path)| track(job, plan, path, total))
+        .collect::<Result<Vec<_>>>()?;
+    let limit = total.or(job.readouts).unwrap_or(u64::MAX);
+    let mut feeder = Feeder::new(source, first, job.timeline, limit, greatest_light);
+    let start = Instant::now();
+    let glance = simulate(&mut feeder, &mut tracks, total.or(job.readouts), watch)?;
+    let (readouts, frames, too_bright) = (feeder.at(), feeder.frames, feeder.too_bright);
+    if let Some(total) = total.filter(|&n| n != readouts) {
+        return Err(Error::new(Kind::Input, about)
+            .found(format_args!("light for {readouts} readouts"))
+            .expected(format_args!("{total}, from the number of frames it announces"))
+            .remedy("the input was cut short while it was read"));
+    }
+    let simulated = start.elapsed();
+    let (mut files, synced) = finish(job, tracks)?;
+    let clean = clean.and_then(|_| files.pop());
+    let noisy = files.pop().ok_or_else(|| Error::new(Kind::Io, noisy.display()).found("no stream"))?;
+    Ok(Outcome { noisy, clean, readouts, frames, greatest_light, too_bright, glance, simulated, synced })
+}
+
+fn track(job: &Run, plan: Plan, path: &Path, total: Option<u64>) -> Result<Track> {
+    let geometry = plan.geometry();
+    let simulator = Simulator::of_plan(plan).with_backend(job.backend)?;
+    #[cfg(feature = "threads")]
+    let simulator = simulator.with_threads(job.threads)?;
+    let writer = match total {
+        Some(total) => StreamWriter::create(path, job.layout, geometry, total, job.force)?,
+        None => StreamWriter::create_growing(path, job.layout, geometry, job.force)?,
+    };
+    Ok(Track { simulator, writer, spikes: 0 })
+}
+
+fn simulate(
+    feeder: &mut Feeder<'_>,
+    tracks: &mut [Track],
+    total: Option<u64>,
+    watch: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
+) -> Result<Glance> {
+    let bytes = feeder.current().geometry().frame_bytes();
+    let batch = READOUTS.min((HELD / bytes).max(1));
+    let mut packed = vec![0; batch * bytes];
+    let mut glances = Glances::new(total, feeder.current());
+    watch(0, total)?;
+    loop {
+        let pieces = feeder.fill(batch, HELD)?;
+        let readouts: usize = pieces.iter().map(|p| p.readouts).sum();
+        if readouts == 0 {
+            return Ok(glances.middle(feeder.at()));
+        }
+        let segments: Vec<_> = pieces.iter().map(Piece::segment).collect();
+        for track in tracks.iter_mut() {
+            track.step(&segments, &mut packed[..readouts * bytes])?;
+        }
+        glances.look(feeder.at() - 1, feeder.current());
+        watch(feeder.at(), total)?;
+    }
+}
+
+/// Keeps a frame near the middle of a run whose end may not be known: of the frames at
+/// doubling readouts the last two are enough, since one lies within a quarter of the middle.
+struct Glances {
+    wanted: u64,
+    kept: [Glance; 2],
+}
+
+impl Glances {
+    fn new(total: Option<u64>, first: &Frame) -> Self {
+        let start = Glance { readout: 0, frame: first.clone() };
+        Self { wanted: total.map_or(1, |n| n / 2), kept: [start.clone(), start] }
+    }
+
+    fn look(&mut self, readout: u64, frame: &Frame) {
+        if readout >= self.wanted {
+            self.kept.swap(0, 1);
+            self.kept[1] = Glance { readout, frame: frame.clone() };
+            self.wanted = readout.saturating_mul(2).max(1);
+        }
+    }
+
+    fn middle(self, readouts: u64) -> Glance {
+        let [a, b] = self.kept;
+        let distance = |g: &Glance| g.readout.abs_diff(readouts / 2);
+        if distance(&a) < distance(&b) { a } else { b }
+    }
+}
+
+/// Gives the files their names: all of them or none.
+fn finish(job: &Run, tracks: Vec<Track>) -> Result<(Vec<Written>, Duration)> {
+    for path in &job.stale {
+        match std::fs::remove_file(path) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::io(path.display(), e)),
+            _ => {}
+        }
+    }
+    let (mut files, mut synced) = (Vec::new(), Duration::ZERO);
+    for Track { writer, spikes, .. } in tracks {
+        match writer.finish() {
+            Ok(done) => {
+                synced += done.sync;
+                files.push(Written { path: done.path, bytes: done.bytes, digest: done.digest, spikes });
+            }
+            Err(e) => {
+                // Half of a pair looks finished and is not; the first error is the one to tell.
+                files.iter().for_each(|f: &Written| drop(std::fs::remove_file(&f.path)));
+                return Err(e);
+            }
+        }
+    }
+    Ok((files, synced))
+}
