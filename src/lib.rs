@@ -35,6 +35,8 @@
 //! `docs/` answers questions by topic: the model, the fixed point, the
 //! effects, formats, inputs, and how fast it is.
 
+#[cfg(feature = "scene")]
+pub mod dataset;
 pub mod draws;
 pub mod effects;
 pub mod error;
