@@ -54,11 +54,13 @@ fn cumulative(y: f64) -> f64 {
 
 /// `psi` and `nu` by the midpoint rule, which converges faster than any power for such integrands.
 fn integrals(g: f64) -> (f64, f64) {
-    let h = 0.01_f64;
-    let cells = (16.0 / h) as i32;
+    // A charge may already lie a whole increment above the threshold.
+    let (low, high) = (-8.0 - g, 8.0);
+    let cells = ((high - low) / 0.02).ceil();
+    let h = (high - low) / cells;
     let (mut first, mut second) = (0.0, 0.0);
-    for i in 0..cells {
-        let y = -8.0 + h * (f64::from(i) + 0.5);
+    for i in 0..cells as i32 {
+        let y = low + h * (f64::from(i) + 0.5);
         let waited = survived(y, g);
         if waited == 0.0 {
             continue;

@@ -51,7 +51,7 @@ pub struct SceneComparison {
 /// # Errors
 /// When the recording is shorter than 100 readouts or has fewer than 500 even, static pixels.
 pub fn static_scene(recording: &Reader, cameras: &[Camera], seeds: Seeds) -> Result<SceneComparison> {
-    let (geometry, readouts) = (recording.geometry(), recording.readouts());
+    let readouts = recording.readouts();
     let options = Options {
         lags: LAGS.to_vec(),
         split: Some((readouts / 2) as u32),
