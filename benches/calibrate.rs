@@ -44,11 +44,20 @@ fn main() {
         let own = (rmse(found.fits.iter().map(|f| (f.a, f.d)), &truth), clock.elapsed().as_secs_f64());
         let clock = Instant::now();
         let paper = snee(&observed, &SneeOptions::default()).expect("the paper's estimator");
-        let lines = paper.pixels.iter().map(|s| s.map_or((f64::NAN, f64::NAN), |s| (s.alpha / s.phi, s.dark / s.phi)));
+        let lines = paper
+            .pixels
+            .iter()
+            .map(|s| s.map_or((f64::NAN, f64::NAN), |s| (s.alpha / s.phi, s.dark / s.phi)));
         let theirs = (rmse(lines, &truth), clock.elapsed().as_secs_f64());
         println!(
             "| {readouts} | {:.5} % / {:.4} %, {:.1} s | {:.3} % / {:.2} %, {:.1} s, {:.1} % |",
-            own.0.0, own.0.1, own.1, theirs.0.0, theirs.0.1, theirs.1, 100.0 * paper.on_box
+            own.0.0,
+            own.0.1,
+            own.1,
+            theirs.0.0,
+            theirs.0.1,
+            theirs.1,
+            100.0 * paper.on_box
         );
     }
 }
