@@ -6,7 +6,8 @@ use std::path::PathBuf;
 
 use calibrate_support::{PUBLISHED, level, pixels};
 use spikelane::calibrate::{
-    Light, Observed, Options, Protocol, RecordingSet, Scene, SneeOptions, calibrate, observe, predict, snee, write,
+    Light, Observed, Options, Protocol, RecordingSet, Scene, SneeOptions, calibrate, observe, predict, snee,
+    write,
 };
 use spikelane::compare::grey_levels;
 use spikelane::effects::find;
@@ -144,8 +145,10 @@ fn a_calibrated_camera_has_the_rates_of_the_first() {
             if a.spikes[p] < 3 || b.spikes[p] < 3 || a.rate[p] > 0.98 {
                 continue;
             }
-            let of = |f: f64, n: u32| f * f * 6e-5 / f64::from(n - 1) + (f * f / f64::from(n - 1)).powi(2) / 6.0;
-            let z = (a.rate[p] - b.rate[p]) / (of(a.rate[p], a.spikes[p]) + of(b.rate[p], b.spikes[p])).sqrt();
+            let of =
+                |f: f64, n: u32| f * f * 6e-5 / f64::from(n - 1) + (f * f / f64::from(n - 1)).powi(2) / 6.0;
+            let z =
+                (a.rate[p] - b.rate[p]) / (of(a.rate[p], a.spikes[p]) + of(b.rate[p], b.spikes[p])).sqrt();
             worst = worst.max(z.abs());
             sum += z * z;
             n += 1.0;
@@ -158,7 +161,8 @@ fn a_calibrated_camera_has_the_rates_of_the_first() {
 #[test]
 fn the_papers_estimator_lands_on_its_box() {
     let truth = pixels(&PUBLISHED, 24, 1);
-    let levels = (0..25).map(|k| level(&PUBLISHED, &truth, f64::from(10 * k) / 255.0, 1000, u64::from(k as u32), false));
+    let levels = (0..25)
+        .map(|k| level(&PUBLISHED, &truth, f64::from(10 * k) / 255.0, 1000, u64::from(k as u32), false));
     let observed = Observed {
         geometry: Geometry::new(6, 4).unwrap(),
         readout_hz: 20_000.0,
@@ -204,7 +208,10 @@ fn the_static_recording_ranks_spikingsim_last() {
     println!("{} pixels, rate {:.4}, floor {:.3}", found.pixels, found.mean_rate, found.floor);
     for row in std::iter::once(&found.measured).chain(&found.models) {
         let d: Vec<f64> = row.lag_variance.iter().map(|e| (e.value * 1e4).round() / 1e4).collect();
-        println!("{:<12} D {d:?} outliers {:.2e} distance {:.3} slow {:.3}", row.name, row.outliers.value, row.distance, row.slow_distance);
+        println!(
+            "{:<12} D {d:?} outliers {:.2e} distance {:.3} slow {:.3}",
+            row.name, row.outliers.value, row.distance, row.slow_distance
+        );
     }
     let spikingsim = found.models.iter().find(|m| m.name == "spikingsim").unwrap();
     assert!(found.models.iter().take(2).all(|m| m.distance < 0.3 * spikingsim.distance));

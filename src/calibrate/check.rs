@@ -199,6 +199,7 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
         map.iter().map(|x| x.clamp(-limit, limit)).collect::<Vec<f64>>()
     };
     let (a, b) = (cut(a), cut(b));
-    let sum = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).filter(|v| v.is_finite()).sum::<f64>();
+    let sum =
+        |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).filter(|v| v.is_finite()).sum::<f64>();
     sum(&a, &b) / (sum(&a, &a) * sum(&b, &b)).sqrt()
 }

@@ -169,7 +169,13 @@ impl<'a> Fitter<'a> {
         Ok(Self {
             observed,
             sensor: sensor.validated()?,
-            noise: Noise { square: 0.0, light: 1.0 / electrons, dark: 0.0, redrawn, lost: options.lost_increment },
+            noise: Noise {
+                square: 0.0,
+                light: 1.0 / electrons,
+                dark: 0.0,
+                redrawn,
+                lost: options.lost_increment,
+            },
             light_uncertainty: options.light_uncertainty,
             fits: vec![PixelFit::UNKNOWN; geometry.pixels()],
             threshold: vec![[1.0, 0.0]; geometry.pixels()],
@@ -304,7 +310,13 @@ impl<'a> Fitter<'a> {
         let points = self.points(p);
         // Column of each unknown: derivative of the model by it, at each point.
         let column = |unknown: usize, q: &Point| {
-            if unknown == q.level { fit.a } else if test && unknown == k - 1 { q.bias } else { 0.0 }
+            if unknown == q.level {
+                fit.a
+            } else if test && unknown == k - 1 {
+                q.bias
+            } else {
+                0.0
+            }
         };
         // Weighted projections onto the pixel's own line.
         let (mut s0, mut s1, mut s2) = (0.0, 0.0, 0.0);
@@ -376,7 +388,8 @@ impl<'a> Fitter<'a> {
             let Some(mean) = self.level_noise(level) else { continue };
             if level.light == 0.0 { dark = Some(mean) } else { lit.push((level.median_rate(), mean)) }
         }
-        let dark_rate = self.observed.levels.first().filter(|l| l.light == 0.0).map_or(0.0, Level::median_rate);
+        let dark_rate =
+            self.observed.levels.first().filter(|l| l.light == 0.0).map_or(0.0, Level::median_rate);
         // Weighted mean over the dim levels of (s - s_T) / share of light.
         let excess = |square: f64| {
             let terms = lit.iter().map(|(f, (s, threshold))| {
@@ -447,7 +460,8 @@ impl<'a> Fitter<'a> {
     fn level_noise(&self, level: &Level) -> Option<(Estimate, f64)> {
         let map = &level.noise.as_ref()?.map;
         let weight = |p: usize| f64::from(level.spikes[p]);
-        let good: Vec<usize> = (0..map.len()).filter(|p| map[*p].is_finite() && level.rate[*p] < 0.2).collect();
+        let good: Vec<usize> =
+            (0..map.len()).filter(|p| map[*p].is_finite() && level.rate[*p] < 0.2).collect();
         let total: f64 = good.iter().map(|p| weight(*p)).sum();
         if good.len() < 16 || total <= 0.0 {
             return None;
@@ -636,7 +650,8 @@ impl Calibration {
         }
         camera.name = "calibrated".to_owned();
         camera.source = "fitted by calibrate; see calibration.json and report.html".to_owned();
-        camera.maps = Maps { gain: Some(gain), dark_pa: Some(dark), swing_v: Some(swing), capacitance_ff: None };
+        camera.maps =
+            Maps { gain: Some(gain), dark_pa: Some(dark), swing_v: Some(swing), capacitance_ff: None };
         Ok(camera)
     }
 }

@@ -104,7 +104,8 @@ mod tests {
 
     #[test]
     fn one_wild_level_does_not_move_the_least_absolute_line() {
-        let mut points: Vec<_> = (0..8).map(|k| (f64::from(k) / 8.0, 0.9 * f64::from(k) / 8.0 + 0.01, 1e-8)).collect();
+        let mut points: Vec<_> =
+            (0..8).map(|k| (f64::from(k) / 8.0, 0.9 * f64::from(k) / 8.0 + 0.01, 1e-8)).collect();
         points[5].1 += 0.3;
         let (a, d) = least_absolute(&points).unwrap();
         assert!((a - 0.9).abs() < 1e-12 && (d - 0.01).abs() < 1e-12);

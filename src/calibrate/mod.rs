@@ -22,11 +22,11 @@ mod snee;
 
 pub use estimate::{Calibration, Options, Redrawn, calibrate};
 pub use fit::{PixelFit, Weighting, fit_line, least_absolute};
+pub(crate) use observe::statistics;
 pub use observe::{IntervalNoise, Level, Observed, Progress, observe};
 pub use output::{Files, page, write};
 pub use population::{Population, threshold_spread};
 pub use protocol::{Precision, Protocol, predict};
 pub use recordings::{Light, RateMap, Recording, RecordingSet, Scene};
-pub(crate) use observe::statistics;
 pub use selection::{nu, psi};
 pub use snee::{Snee, SneeMaps, SneeOptions, snee};

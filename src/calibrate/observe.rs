@@ -50,7 +50,14 @@ pub struct Level {
 impl Level {
     /// A level from counts, first and last spikes (readouts from 0, [`NEVER`] without).
     #[must_use]
-    pub fn from_counts(name: &str, light: f64, readouts: u32, count: Vec<u32>, first: &[u32], last: &[u32]) -> Self {
+    pub fn from_counts(
+        name: &str,
+        light: f64,
+        readouts: u32,
+        count: Vec<u32>,
+        first: &[u32],
+        last: &[u32],
+    ) -> Self {
         let rate = |p: usize| match count[p] {
             0..3 => f64::from(count[p]) / f64::from(readouts),
             n => f64::from(n - 1) / f64::from(last[p] - first[p]),
@@ -91,13 +98,15 @@ pub fn observe(set: &RecordingSet, progress: Progress<'_>) -> Result<Observed> {
     let geometry = set.geometry()?;
     let readers = set.recordings.iter().map(|r| set.reader(r)).collect::<Result<Vec<_>>>()?;
     let total: usize = readers.iter().map(Reader::readouts).sum();
-    let mut observed = Observed { geometry, readout_hz: set.readout_hz, levels: Vec::new(), others: Vec::new() };
+    let mut observed =
+        Observed { geometry, readout_hz: set.readout_hz, levels: Vec::new(), others: Vec::new() };
     let mut done = 0;
     for (recording, reader) in set.recordings.iter().zip(&readers) {
         let name = recording.file.as_str();
         let mut tell = |readouts: usize| progress(name, (done + readouts) as f64 / total.max(1) as f64);
         let light = recording.light;
-        let wanted = light.level().is_some() || matches!(light, Light::Scene(super::Scene::Checkerboard { .. }));
+        let wanted =
+            light.level().is_some() || matches!(light, Light::Scene(super::Scene::Checkerboard { .. }));
         if wanted {
             let dim = light.level().is_some_and(|l| l <= DIM);
             let statistics = measured(reader, dim, &mut tell)?;
@@ -131,7 +140,8 @@ pub(crate) fn statistics(
     let geometry = reader.geometry();
     let bands = (2 * rayon::current_num_threads()).clamp(1, geometry.height());
     let rows = |i: usize| i * geometry.height() / bands..(i + 1) * geometry.height() / bands;
-    let band = |i| Accumulator::new(geometry, &Options { rows: Some(rows(i)), frames: false, ..options.clone() });
+    let band =
+        |i| Accumulator::new(geometry, &Options { rows: Some(rows(i)), frames: false, ..options.clone() });
     let mut accumulators = (0..bands).map(band).collect::<Result<Vec<_>>>()?;
     if options.frames {
         let whole = Options { rows: None, frames: true, ..Options::only_frames() };
@@ -168,8 +178,14 @@ fn measured(reader: &Reader, intervals: bool, tell: &mut dyn FnMut(usize)) -> Re
 fn level(name: &str, light: f64, statistics: &Statistics) -> Level {
     let Some(counts) = &statistics.counts else { unreachable!("counts are always measured") };
     debug_assert!(counts.first.iter().zip(&counts.count).all(|(f, n)| (*f == NEVER) == (*n == 0)));
-    let mut level =
-        Level::from_counts(name, light, statistics.readouts, counts.count.clone(), &counts.first, &counts.last);
+    let mut level = Level::from_counts(
+        name,
+        light,
+        statistics.readouts,
+        counts.count.clone(),
+        &counts.first,
+        &counts.last,
+    );
     if let Some(early) = &statistics.early_count {
         level.drifting = check::drifting(&level, early);
     }
@@ -187,9 +203,11 @@ fn rate_map(folder: &Path, map: &RateMap, geometry: Geometry) -> Result<Level> {
     let path = folder.join(&map.file);
     let bytes = std::fs::read(&path).map_err(|e| Error::io(path.display(), e))?;
     let wrong = |found: String| {
-        Error::new(Kind::Input, path.display())
-            .found(found)
-            .expected(format_args!("a C-ordered .npy of f32 or f64, {} rows by {}", geometry.height(), geometry.width()))
+        Error::new(Kind::Input, path.display()).found(found).expected(format_args!(
+            "a C-ordered .npy of f32 or f64, {} rows by {}",
+            geometry.height(),
+            geometry.width()
+        ))
     };
     let open = || npyz::NpyFile::new(&bytes[..]).map_err(|e| wrong(e.to_string()));
     let npy = open()?;

@@ -149,7 +149,8 @@ fn npy(map: &[f64], width: usize) -> Result<Vec<u8>> {
     let io = |e| Error::io("map", e);
     let mut bytes = Vec::new();
     let shape = [(map.len() / width) as u64, width as u64];
-    let mut writer = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut bytes).begin_nd().map_err(io)?;
+    let mut writer =
+        npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut bytes).begin_nd().map_err(io)?;
     writer.extend(map.iter().copied()).map_err(io)?;
     writer.finish().map_err(io)?;
     Ok(bytes)

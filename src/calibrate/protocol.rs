@@ -66,7 +66,9 @@ impl Protocol {
         progress: super::Progress<'_>,
     ) -> Result<PathBuf> {
         if self.readouts == 0 || self.recordings.is_empty() {
-            return Err(Error::new(Kind::Usage, "recordings").found("none").expected("at least one readout and level"));
+            return Err(Error::new(Kind::Usage, "recordings")
+                .found("none")
+                .expected("at least one readout and level"));
         }
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
         let total = self.recordings.len() as f64;
@@ -76,7 +78,11 @@ impl Protocol {
             self.one(camera, seeds, *light, &folder.join(format!("{stem}.dat")), force, &mut tell)?;
         }
         let geometry = camera.sensor.geometry;
-        let recording = |(stem, light): &(String, Light)| Recording { file: format!("{stem}.dat"), light: *light, layout: None };
+        let recording = |(stem, light): &(String, Light)| Recording {
+            file: format!("{stem}.dat"),
+            light: *light,
+            layout: None,
+        };
         let set = RecordingSet {
             width: geometry.width() as u32,
             height: geometry.height() as u32,
@@ -102,14 +108,19 @@ impl Protocol {
     ) -> Result<()> {
         let geometry = camera.sensor.geometry;
         let frame = |readout: u64| {
-            let at = |p: usize| light.at(p / geometry.width(), p % geometry.width(), readout).map(|l| l as f32);
+            let at =
+                |p: usize| light.at(p / geometry.width(), p % geometry.width(), readout).map(|l| l as f32);
             (0..geometry.pixels()).map(at).collect::<Option<Vec<f32>>>()
         };
         let greatest = match light {
             Light::Level(level) => level,
-            Light::Scene(Scene::Square { high, low, .. } | Scene::Checkerboard { high, low, .. }) => high.max(low),
+            Light::Scene(Scene::Square { high, low, .. } | Scene::Checkerboard { high, low, .. }) => {
+                high.max(low)
+            }
             Light::Scene(Scene::StaticUnknown {}) => {
-                return Err(Error::new(Kind::Usage, path.display()).found("an unknown scene").expected("light that can be simulated"));
+                return Err(Error::new(Kind::Usage, path.display())
+                    .found("an unknown scene")
+                    .expected("light that can be simulated"));
             }
         };
         let plan = Plan::with_light(camera, seeds, greatest.max(1.0))?;

@@ -93,9 +93,15 @@ mod tests {
     #[test]
     fn psi_has_the_values_of_direct_simulation() {
         // Simulated rates of single pixels, good to about 0.01.
-        for (g, expected) in
-            [(0.1, 0.170), (0.2, 0.282), (0.4, 0.448), (0.8, 0.656), (1.2, 0.788), (2.0, 0.917), (20.0, 0.995)]
-        {
+        for (g, expected) in [
+            (0.1, 0.170),
+            (0.2, 0.282),
+            (0.4, 0.448),
+            (0.8, 0.656),
+            (1.2, 0.788),
+            (2.0, 0.917),
+            (20.0, 0.995),
+        ] {
             assert!((psi(g) - expected).abs() < 0.012, "psi({g}) = {}", psi(g));
         }
     }

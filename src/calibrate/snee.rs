@@ -75,13 +75,17 @@ pub fn snee(observed: &Observed, options: &SneeOptions) -> Result<SneeMaps> {
             .expected("three or more streams; the paper has 25, grey 0, 10, ... 240"));
     }
     if !(options.box_width > 0.0 && options.box_width < 1.0) {
-        return Err(Error::new(Kind::Usage, "box of the threshold").found(options.box_width).expected("between 0 and 1"));
+        return Err(Error::new(Kind::Usage, "box of the threshold")
+            .found(options.box_width)
+            .expected("between 0 and 1"));
     }
     let count = |l: &super::Level, p: usize| f64::from(l.spikes[p]) / f64::from(l.readouts);
     let pixels = observed.geometry.pixels();
     let mean = |l: &super::Level| (0..pixels).map(|p| count(l, p)).sum::<f64>() / pixels as f64;
     let light_scale = match (options.levels_known, levels.first(), levels.last()) {
-        (false, Some(darkest), Some(brightest)) => (mean(brightest) - mean(darkest)) / (brightest.light - darkest.light),
+        (false, Some(darkest), Some(brightest)) => {
+            (mean(brightest) - mean(darkest)) / (brightest.light - darkest.light)
+        }
         _ => 1.0,
     };
     let lights: Vec<f64> = levels.iter().map(|l| l.light * light_scale).collect();
@@ -159,7 +163,8 @@ mod tests {
         assert!(((1.0 + c) * (1.0 + v) - 1.1).abs() < 1e-12 && c.abs() < 0.01 * v);
         let lights: Vec<f64> = (0..25).map(|k| f64::from(10 * k) / 255.0).collect();
         // Rates with the rounding of a count, so that residuals are not zero.
-        let rates: Vec<f64> = lights.iter().map(|l| ((0.95 * l + 0.0047) * 1000.0).floor() / 1000.0).collect();
+        let rates: Vec<f64> =
+            lights.iter().map(|l| ((0.95 * l + 0.0047) * 1000.0).floor() / 1000.0).collect();
         let found = solve(&rates, &lights, &SneeOptions::default()).unwrap();
         assert!((found.phi - 0.8).abs() < 1e-4, "{found:?}");
         assert!((found.alpha / found.phi - 0.95).abs() < 0.01, "{found:?}");

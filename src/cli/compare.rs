@@ -47,8 +47,11 @@ pub struct Args {
 /// # Errors
 /// When an input is bad, or a file cannot be written.
 pub fn run(args: &Args) -> Result<()> {
-    let names: Vec<&str> =
-        if args.cameras.is_empty() { MODELS.to_vec() } else { args.cameras.iter().map(String::as_str).collect() };
+    let names: Vec<&str> = if args.cameras.is_empty() {
+        MODELS.to_vec()
+    } else {
+        args.cameras.iter().map(String::as_str).collect()
+    };
     let cameras = names.into_iter().map(presets::load).collect::<Result<Vec<_>>>()?;
     let seeds = Seeds { camera: args.seed, shot: args.seed, sequence: 0 };
     let json_error = |e| Error::new(Kind::Config, "comparison").found(e);
@@ -57,7 +60,10 @@ pub fn run(args: &Args) -> Result<()> {
         let set = RecordingSet::open(&args.measured)?;
         let found = grey_levels(&set, &cameras, seeds, args.longest)?;
         for model in &found.models {
-            println!("{:<14} response {:.5}, histograms {:.4?}", model.name, model.response_distance, model.histogram_distance);
+            println!(
+                "{:<14} response {:.5}, histograms {:.4?}",
+                model.name, model.response_distance, model.histogram_distance
+            );
         }
         println!("{:<14} response {:.5}, histograms {:.4?}", "noise floor", found.floor.0, found.floor.1);
         (serde_json::to_string_pretty(&found).map_err(json_error)?, found.page()?)
@@ -65,9 +71,15 @@ pub fn run(args: &Args) -> Result<()> {
         let geometry = args.width.zip(args.height).map(|(w, h)| Geometry::new(w, h)).transpose()?;
         let layout = args.layout.as_deref().map(Layout::parse).transpose()?;
         let found = static_scene(&Reader::open(&args.measured, layout, geometry)?, &cameras, seeds)?;
-        println!("{} static pixels, mean rate {:.4}, noise floor {:.3}", found.pixels, found.mean_rate, found.floor);
+        println!(
+            "{} static pixels, mean rate {:.4}, noise floor {:.3}",
+            found.pixels, found.mean_rate, found.floor
+        );
         for model in &found.models {
-            println!("{:<14} distance {:.3}, beyond lag 8 {:.3}", model.name, model.distance, model.slow_distance);
+            println!(
+                "{:<14} distance {:.3}, beyond lag 8 {:.3}",
+                model.name, model.distance, model.slow_distance
+            );
         }
         (serde_json::to_string_pretty(&found).map_err(json_error)?, found.page()?)
     };

@@ -54,7 +54,8 @@ pub fn run(args: &Args, json: bool) -> Result<()> {
     let statistics = accumulator.finish();
     let summary = summarise(&statistics)?;
     if json {
-        let text = serde_json::to_string_pretty(&summary).map_err(|e| Error::new(Kind::Config, "summary").found(e))?;
+        let text = serde_json::to_string_pretty(&summary)
+            .map_err(|e| Error::new(Kind::Config, "summary").found(e))?;
         println!("{text}");
     } else {
         for (name, value) in rows(&summary) {
@@ -71,13 +72,17 @@ pub fn run(args: &Args, json: bool) -> Result<()> {
     if let Some(counts) = &statistics.counts {
         let rate = counts.rate();
         parts.push(Part::figure(heat_map(&rate, width, "rate map")?, "Rate, 1st to 99th percentile."));
-        parts.push(Part::figure(heat_map(&high_pass(&rate, width), width, "local pattern")?, "Rate less its 5x5 surroundings."));
+        parts.push(Part::figure(
+            heat_map(&high_pass(&rate, width), width, "local pattern")?,
+            "Rate less its 5x5 surroundings.",
+        ));
     }
     if let Some(intervals) = &statistics.intervals {
         let counts = intervals.lengths().counts();
         let all = counts.iter().sum::<u64>().max(1) as f64;
         let last = counts.iter().rposition(|n| *n as f64 > 1e-4 * all).unwrap_or(1);
-        let points = counts.iter().take(last + 1).enumerate().map(|(n, c)| (n as f64, *c as f64 / all)).collect();
+        let points =
+            counts.iter().take(last + 1).enumerate().map(|(n, c)| (n as f64, *c as f64 / all)).collect();
         let plot = bars("Inter-spike intervals", "readouts", &[Curve { name: "all pixels", points }])?;
         parts.push(Part::figure(plot, "Share of intervals by length."));
     }

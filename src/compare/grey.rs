@@ -58,7 +58,12 @@ struct Pass {
 ///
 /// # Errors
 /// When a recording cannot be read, or fewer than two uniform levels are there.
-pub fn grey_levels(set: &RecordingSet, cameras: &[Camera], seeds: Seeds, longest: usize) -> Result<GreyComparison> {
+pub fn grey_levels(
+    set: &RecordingSet,
+    cameras: &[Camera],
+    seeds: Seeds,
+    longest: usize,
+) -> Result<GreyComparison> {
     let mut levels: Vec<_> = set.recordings.iter().filter_map(|r| Some((r.light.level()?, r))).collect();
     levels.sort_by(|a, b| a.0.total_cmp(&b.0));
     if levels.len() < 2 {
@@ -91,7 +96,13 @@ pub fn grey_levels(set: &RecordingSet, cameras: &[Camera], seeds: Seeds, longest
     models.sort_by(|a, b| a.response_distance.total_cmp(&b.response_distance));
     let same = Pass { response: own.response.clone(), histograms: own.histograms.clone() };
     let measured = distance("measured", same, &own);
-    Ok(GreyComparison { histogram_lights: chosen.iter().map(|k| lights[*k]).collect(), lights, measured, floor, models })
+    Ok(GreyComparison {
+        histogram_lights: chosen.iter().map(|k| lights[*k]).collect(),
+        lights,
+        measured,
+        floor,
+        models,
+    })
 }
 
 fn options(intervals: bool, readouts: usize) -> Options {
@@ -174,7 +185,12 @@ fn distance(name: &str, pass: Pass, own: &Pass) -> CameraDistance {
     CameraDistance {
         name: name.to_owned(),
         response_distance: (sum / own.response.len() as f64).sqrt(),
-        histogram_distance: pass.histograms.iter().zip(&own.histograms).map(|(a, b)| variation(a, b)).collect(),
+        histogram_distance: pass
+            .histograms
+            .iter()
+            .zip(&own.histograms)
+            .map(|(a, b)| variation(a, b))
+            .collect(),
         response: pass.response,
         histograms: pass.histograms,
     }
@@ -218,27 +234,40 @@ impl GreyComparison {
     /// When a plot cannot be made.
     pub fn page(&self) -> Result<String> {
         let all = || std::iter::once(&self.measured).chain(&self.models);
-        let response = |c: &CameraDistance| self.lights.iter().map(|l| l * 255.0).zip(c.response.clone()).collect();
+        let response =
+            |c: &CameraDistance| self.lights.iter().map(|l| l * 255.0).zip(c.response.clone()).collect();
         let lines: Vec<Curve<'_>> = all().map(|c| Curve { name: &c.name, points: response(c) }).collect();
-        let mut table = Table::new(&["camera", "response (rms, spikes per readout)", "histograms (total variation)"]);
+        let mut table =
+            Table::new(&["camera", "response (rms, spikes per readout)", "histograms (total variation)"]);
         let cells = |d: &[f64]| d.iter().map(|x| format!("{x:.4}")).collect::<Vec<_>>().join(", ");
         for c in &self.models {
             table.row([c.name.clone(), format!("{:.5}", c.response_distance), cells(&c.histogram_distance)]);
         }
-        table.row(["noise floor (two halves of the measured set)".to_owned(), format!("{:.6}", self.floor.0), cells(&self.floor.1)]);
+        table.row([
+            "noise floor (two halves of the measured set)".to_owned(),
+            format!("{:.6}", self.floor.0),
+            cells(&self.floor.1),
+        ]);
         let mut parts = vec![
             Part::Table(table),
-            Part::figure(curves("Mean spikes per readout", "grey level", "spikes per readout", &lines)?, "Response over grey level."),
+            Part::figure(
+                curves("Mean spikes per readout", "grey level", "spikes per readout", &lines)?,
+                "Response over grey level.",
+            ),
         ];
         for (i, light) in self.histogram_lights.iter().enumerate() {
-            let longest = all().filter_map(|c| c.histograms.get(i)?.iter().rposition(|s| *s > 1e-3)).max().unwrap_or(1);
+            let longest =
+                all().filter_map(|c| c.histograms.get(i)?.iter().rposition(|s| *s > 1e-3)).max().unwrap_or(1);
             let points = |c: &CameraDistance| -> Vec<(f64, f64)> {
                 let shares = c.histograms.get(i).into_iter().flatten().take(longest + 2);
                 shares.enumerate().map(|(n, s)| (n as f64, *s)).collect()
             };
             let lines: Vec<Curve<'_>> = all().map(|c| Curve { name: &c.name, points: points(c) }).collect();
             let title = format!("Intervals at grey {:.0}", light * 255.0);
-            parts.push(Part::figure(bars(&title, "interval in readouts", &lines)?, "Share of intervals by length."));
+            parts.push(Part::figure(
+                bars(&title, "interval in readouts", &lines)?,
+                "Share of intervals by length.",
+            ));
         }
         page("Comparison with a measured camera", &parts)
     }

@@ -85,7 +85,9 @@ pub fn static_scene(recording: &Reader, cameras: &[Camera], seeds: Seeds) -> Res
 
 /// Even surroundings (11x11 pixels within 6 %), rates that tell intervals, and equal halves.
 fn static_pixels(statistics: &Statistics) -> Vec<usize> {
-    let (Some(counts), Some(early)) = (&statistics.counts, &statistics.early_count) else { return Vec::new() };
+    let (Some(counts), Some(early)) = (&statistics.counts, &statistics.early_count) else {
+        return Vec::new();
+    };
     let rates = counts.rate_by_time();
     let even = select_smooth(&rates, statistics.geometry.width(), &(0.05..0.45), 5, 0.06);
     let steady = |p: &usize| {
@@ -156,7 +158,17 @@ impl SceneComparison {
     /// # Errors
     /// Never, in practice.
     pub fn page(&self) -> Result<String> {
-        let mut table = Table::new(&["camera", "D(1)", "D(8)", "D(16)", "D(24)", "D(32)", "outliers", "distance", "beyond lag 8"]);
+        let mut table = Table::new(&[
+            "camera",
+            "D(1)",
+            "D(8)",
+            "D(16)",
+            "D(24)",
+            "D(32)",
+            "outliers",
+            "distance",
+            "beyond lag 8",
+        ]);
         for row in std::iter::once(&self.measured).chain(&self.models) {
             let mut cells = vec![row.name.clone()];
             cells.extend(row.lag_variance.iter().map(|e| format!("{:.4}", e.value)));
@@ -171,7 +183,9 @@ impl SceneComparison {
                 self.pixels, self.mean_rate, self.floor
             )),
             Part::Table(table),
-            Part::text("Beyond lag 16 slow noise shows, which none of these models has; a model that is near there may be so because its fast noise is too large."),
+            Part::text(
+                "Beyond lag 16 slow noise shows, which none of these models has; a model that is near there may be so because its fast noise is too large.",
+            ),
         ];
         page("Comparison with a static recording", &parts)
     }

@@ -102,7 +102,10 @@ mod tests {
 
     #[test]
     fn names_of_files_cannot_inject_markup() {
-        let html = page("<b>", &[Part::text("<script>"), Part::figure("<svg></svg>".to_owned(), "&")]).unwrap();
-        assert!(html.contains("&lt;script&gt;") && html.contains("<svg></svg>") && !html.contains("<script>"));
+        let html =
+            page("<b>", &[Part::text("<script>"), Part::figure("<svg></svg>".to_owned(), "&")]).unwrap();
+        assert!(
+            html.contains("&lt;script&gt;") && html.contains("<svg></svg>") && !html.contains("<script>")
+        );
     }
 }

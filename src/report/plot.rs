@@ -61,9 +61,9 @@ pub fn curves(title: &str, x: &str, y: &str, curves: &[Curve<'_>]) -> Result<Str
             let colour = COLOURS[i % COLOURS.len()];
             let points = curve.points.iter().copied().filter(|p| p.1.is_finite());
             let drawn = chart.draw_series(LineSeries::new(points, colour.stroke_width(2))).map_err(failed)?;
-            drawn.label(curve.name).legend(move |(x, y)| {
-                PathElement::new(vec![(x, y), (x + 18, y)], colour.stroke_width(2))
-            });
+            drawn
+                .label(curve.name)
+                .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], colour.stroke_width(2)));
         }
         let place = SeriesLabelPosition::UpperLeft;
         let labels = &mut chart.configure_series_labels();
