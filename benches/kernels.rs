@@ -113,9 +113,8 @@ fn beside_the_plain_loop() {
     let segments = [Segment { readouts: READOUTS, light: Light::Held(Samples::U8(&frame)) }];
     let mut out = vec![0; READOUTS * TILE / 8];
     for backend in backends() {
-        let time = best(|| {
-            run(&plan, backend, &segments, &mut out);
-        }) / READOUTS as f64;
+        let time =
+            best(|| _ = std::hint::black_box(run(&plan, backend, &segments, &mut out))) / READOUTS as f64;
         println!(
             "{backend}: {:.3} Gpixel-readouts/s, {:.1} times the plain loop",
             PIXELS as f64 / time / 1e9,
