@@ -35,6 +35,12 @@
 //! `docs/` answers questions by topic: the model, the fixed point, the
 //! effects, formats, inputs, and how fast it is.
 
+#[cfg(all(feature = "files", feature = "threads"))]
+pub mod calibrate;
+#[cfg(all(feature = "files", feature = "threads"))]
+pub mod compare;
+#[cfg(feature = "scene")]
+pub mod dataset;
 pub mod draws;
 pub mod effects;
 pub mod error;
@@ -48,6 +54,8 @@ pub mod plan;
 #[cfg(feature = "files")]
 pub mod presets;
 pub mod reconstruct;
+#[cfg(feature = "files")]
+pub mod report;
 #[cfg(feature = "scene")]
 pub mod scene;
 pub mod sensor;

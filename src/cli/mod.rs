@@ -1,19 +1,26 @@
 //! The command line: one file per command, on the library's public doors alone.
 
+mod bench;
+mod calibrate;
 mod camera;
+mod compare;
 mod completions;
 mod convert;
+mod dataset;
 mod effects;
 mod first_run;
 mod inspect;
 mod light;
 mod man;
+mod measure;
 mod output;
 mod picture;
 mod preset;
 mod progress;
 mod range;
 mod reconstruct;
+mod record;
+mod scene;
 mod simulate;
 mod stream;
 mod verify;
@@ -49,6 +56,13 @@ enum Command {
     Reconstruct(reconstruct::Args),
     Preset(preset::Args),
     Effects(effects::Args),
+    Measure(measure::Args),
+    Calibrate(calibrate::Args),
+    Compare(compare::Args),
+    Record(record::Args),
+    Scene(scene::Args),
+    Dataset(dataset::Args),
+    Bench(bench::BenchArgs),
     Completions(completions::Args),
     Man(man::Args),
 }
@@ -76,6 +90,13 @@ fn dispatch(command: Option<Command>, out: &Out) -> Result<()> {
         Some(Command::Reconstruct(args)) => reconstruct::run(&args, out),
         Some(Command::Preset(args)) => preset::run(&args, out),
         Some(Command::Effects(args)) => effects::run(&args, out),
+        Some(Command::Measure(args)) => measure::run(&args, out.json()),
+        Some(Command::Calibrate(args)) => calibrate::run(&args),
+        Some(Command::Compare(args)) => compare::run(&args),
+        Some(Command::Record(args)) => record::run(&args),
+        Some(Command::Scene(args)) => scene::run(&args),
+        Some(Command::Dataset(args)) => dataset::run(&args),
+        Some(Command::Bench(args)) => bench::run(&args, out.json()),
         Some(Command::Completions(args)) => completions::run(&args, out),
         Some(Command::Man(args)) => man::run(&args, out),
     }

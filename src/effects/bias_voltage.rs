@@ -32,9 +32,7 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern)
 fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
     // The mean of 1/(1 + e) is 1 + var(e) to second order.
     let variance = (v[1] / at.swing_v).powi(2);
-    Some(Moments {
-        rate: at.increment() * variance,
-        phase_variance: 0.0,
-        spatial_variance: variance,
-    })
+    // A mean offset moves full scale along, so light keeps its rate; a current in amperes does not.
+    let dark = -at.from_dark * v[0] / (at.swing_v + v[0]);
+    Some(Moments { rate: at.increment() * variance + dark, phase_variance: 0.0, spatial_variance: variance })
 }

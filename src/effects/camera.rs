@@ -226,6 +226,10 @@ impl Model {
     }
 
     fn light_quanta(&self, law: &mut Law, gain: f64, quanta: Quanta, strength: f64) {
+        // Without variance there are no quanta; the dark current's must not find any of light's.
+        if strength == 0.0 {
+            return;
+        }
         let amplitude = strength.sqrt();
         match quanta {
             Quanta::Electrons => {

@@ -11,9 +11,7 @@ pub const EFFECT: Definition = Definition {
     name: "capacitor_mismatch",
     summary: "The charge node's capacitance spreads over the pixels, and the threshold charge with it.",
     source: "SCSim, arXiv 2405.16790, Algorithm 1, the map C_S",
-    params: &[
-        Param::number("sigma", Unit::Femtofarad, (0.0, 1e3), 0.0, 0.0128, "Gaussian spread"),
-    ],
+    params: &[Param::number("sigma", Unit::Femtofarad, (0.0, 1e3), 0.0, 0.0128, "Gaussian spread")],
     edit,
     ops: no_ops,
     moments,
@@ -30,9 +28,5 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern)
 
 fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
     let variance = (v[0] / at.capacitance_ff).powi(2);
-    Some(Moments {
-        rate: at.increment() * variance,
-        phase_variance: 0.0,
-        spatial_variance: variance,
-    })
+    Some(Moments { rate: at.increment() * variance, phase_variance: 0.0, spatial_variance: variance })
 }

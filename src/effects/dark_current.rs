@@ -34,9 +34,5 @@ fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
     // Clipping at zero moves the mean by less than 1e-3 of sigma while sigma stays below 0.4 of the mean.
     let thresholds = |pa: f64| pa * at.period_s * 1e3 / (at.capacitance_ff * at.swing_v);
     let relative = thresholds(v[1]) / (at.increment() + thresholds(v[0]));
-    Some(Moments {
-        rate: thresholds(v[0]),
-        phase_variance: 0.0,
-        spatial_variance: relative * relative,
-    })
+    Some(Moments { rate: thresholds(v[0]), phase_variance: 0.0, spatial_variance: relative * relative })
 }

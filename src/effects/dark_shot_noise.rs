@@ -1,7 +1,7 @@
 //! Shot noise of the dark current.
 
 use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_edit};
-use crate::pixel::{Op};
+use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
@@ -10,9 +10,14 @@ pub const EFFECT: Definition = Definition {
     name: "dark_shot_noise",
     summary: "The dark current arrives in electrons, as light does.",
     source: "Poisson statistics; absent from SCSim",
-    params: &[
-        Param::number("strength", Unit::One, (0.0, 100.0), 0.0, 1.0, "factor on the variance; 1 is the physics"),
-    ],
+    params: &[Param::number(
+        "strength",
+        Unit::One,
+        (0.0, 100.0),
+        0.0,
+        1.0,
+        "factor on the variance; 1 is the physics",
+    )],
     edit: no_edit,
     ops,
     moments,

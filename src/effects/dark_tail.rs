@@ -11,9 +11,14 @@ pub const EFFECT: Definition = Definition {
     name: "dark_tail",
     summary: "The dark current is multiplied by a log-normal factor of mean one, which gives it a hot tail and no negatives.",
     source: "calibration maps of a 400x250 camera: sigma of the logarithm 0.43, none negative",
-    params: &[
-        Param::number("log_sigma", Unit::One, (0.0, 3.0), 0.0, 0.43, "standard deviation of the logarithm"),
-    ],
+    params: &[Param::number(
+        "log_sigma",
+        Unit::One,
+        (0.0, 3.0),
+        0.0,
+        0.43,
+        "standard deviation of the logarithm",
+    )],
     edit,
     ops: no_ops,
     moments,
@@ -31,8 +36,5 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern)
 fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
     // The variance of a log-normal factor of mean one is exp(sigma^2) - 1.
     let share = at.from_dark / at.increment();
-    Some(Moments {
-        spatial_variance: share * share * libm::expm1(v[0] * v[0]),
-        ..Moments::default()
-    })
+    Some(Moments { spatial_variance: share * share * libm::expm1(v[0] * v[0]), ..Moments::default() })
 }

@@ -11,9 +11,7 @@ pub const EFFECT: Definition = Definition {
     name: "dead_pixels",
     summary: "A share of the pixels gathers no charge at all.",
     source: "low-light recordings of a real camera",
-    params: &[
-        Param::number("fraction", Unit::One, (0.0, 1.0), 0.0, 0.003, "share of the pixels"),
-    ],
+    params: &[Param::number("fraction", Unit::One, (0.0, 1.0), 0.0, 0.003, "share of the pixels")],
     edit,
     ops: no_ops,
     moments,
@@ -32,9 +30,5 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern)
 }
 
 fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
-    Some(Moments {
-        rate: -v[0] * at.increment(),
-        phase_variance: 0.0,
-        spatial_variance: v[0] * (1.0 - v[0]),
-    })
+    Some(Moments { rate: -v[0] * at.increment(), phase_variance: 0.0, spatial_variance: v[0] * (1.0 - v[0]) })
 }

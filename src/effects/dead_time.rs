@@ -1,7 +1,7 @@
 //! The reset takes time: the first increment after a spike is shortened.
 
 use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_edit};
-use crate::pixel::{Op};
+use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
@@ -10,9 +10,14 @@ pub const EFFECT: Definition = Definition {
     name: "dead_time",
     summary: "The first increment after a spike, light and dark, loses a share of itself.",
     source: "published code of SCSim: 100 ns of 50 us",
-    params: &[
-        Param::number("lost_fraction", Unit::One, (0.0, 0.5), 0.0, 0.002, "lost share of one increment"),
-    ],
+    params: &[Param::number(
+        "lost_fraction",
+        Unit::One,
+        (0.0, 0.5),
+        0.0,
+        0.002,
+        "lost share of one increment",
+    )],
     edit: no_edit,
     ops,
     moments,

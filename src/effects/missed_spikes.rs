@@ -1,7 +1,7 @@
 //! Spikes that the readout loses.
 
 use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_edit};
-use crate::pixel::{Op};
+use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
@@ -10,9 +10,7 @@ pub const EFFECT: Definition = Definition {
     name: "missed_spikes",
     summary: "A spike is not reported; the charge is gone all the same.",
     source: "bit errors",
-    params: &[
-        Param::number("probability", Unit::One, (0.0, 1.0), 0.0, 1e-3, "per spike"),
-    ],
+    params: &[Param::number("probability", Unit::One, (0.0, 1.0), 0.0, 1e-3, "per spike")],
     edit: no_edit,
     ops,
     moments,
@@ -23,6 +21,7 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
 }
 
 fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
-    let rate = -v[0] * at.increment().min(1.0);
-    (v[0] == 0.0).then(Moments::default).or(Some(Moments { rate, phase_variance: f64::NAN, spatial_variance: 0.0 }))
+    // Thinning a regular train: a reported interval is a geometric number of true ones, of
+    // variance v / (1 - v)^2 in true intervals, and the squared rate takes (1 - v)^2 off.
+    Some(Moments { rate: -v[0] * at.increment().min(1.0), phase_variance: v[0], spatial_variance: 0.0 })
 }

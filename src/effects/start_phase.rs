@@ -1,7 +1,7 @@
 //! The charge that pixels hold when the recording starts.
 
 use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_edit};
-use crate::pixel::{Op};
+use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
@@ -11,8 +11,22 @@ pub const EFFECT: Definition = Definition {
     summary: "Every pixel starts at a random phase of its cycle; without it a flat scene fires in synchronised bursts.",
     source: "uniform in real recordings; U[0,1) fC in the published code of SCSim",
     params: &[
-        Param::number("share", Unit::One, (0.0, 1.0), 0.0, 1.0, "uniform over this share of the pixel's own threshold"),
-        Param::number("charge", Unit::Femtocoulomb, (0.0, 1e3), 0.0, 0.0, "uniform over this charge, added to the former"),
+        Param::number(
+            "share",
+            Unit::One,
+            (0.0, 1.0),
+            0.0,
+            1.0,
+            "uniform over this share of the pixel's own threshold",
+        ),
+        Param::number(
+            "charge",
+            Unit::Femtocoulomb,
+            (0.0, 1e3),
+            0.0,
+            0.0,
+            "uniform over this charge, added to the former",
+        ),
     ],
     edit: no_edit,
     ops,

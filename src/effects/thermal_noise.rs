@@ -12,7 +12,14 @@ pub const EFFECT: Definition = Definition {
     summary: "The threshold carries noise, compared with and subtracted; drawn at every readout or frozen from reset to reset.",
     source: "SCSim, arXiv 2405.16790, Algorithm 1, V_T; kT/C; psi from the mean of the largest draw",
     params: &[
-        Param::number("temperature", Unit::Kelvin, (0.0, 1000.0), 0.0, 293.0, "adds kTC noise of the nominal capacitor; 0 K adds none"),
+        Param::number(
+            "temperature",
+            Unit::Kelvin,
+            (0.0, 1000.0),
+            0.0,
+            293.0,
+            "adds kTC noise of the nominal capacitor; 0 K adds none",
+        ),
         Param::number("sigma", Unit::Volt, (0.0, 1.0), 0.0, 0.0, "further noise, added in quadrature"),
         Param::choice("redraw", &["every-reset", "every-readout"], 0, "when a new value is drawn"),
     ],

@@ -11,9 +11,14 @@ pub const EFFECT: Definition = Definition {
     name: "vignetting",
     summary: "The gain falls with the square of the distance from the centre; not separable from uneven light.",
     source: "calibration maps: 15 % from centre to corner",
-    params: &[
-        Param::number("strength", Unit::One, (0.0, 1.0), 0.0, 0.15, "lost share of the light at the corners"),
-    ],
+    params: &[Param::number(
+        "strength",
+        Unit::One,
+        (0.0, 1.0),
+        0.0,
+        0.15,
+        "lost share of the light at the corners",
+    )],
     edit,
     ops: no_ops,
     moments,

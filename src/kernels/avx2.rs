@@ -6,7 +6,7 @@ use std::arch::x86_64::*;
 
 use crate::draws::gauss;
 use crate::kernels::Job;
-use crate::kernels::body;
+use crate::kernels::body::{self, by_case};
 use crate::kernels::lanes::Lanes;
 use crate::plan::StateParts;
 
@@ -25,12 +25,12 @@ impl Avx2 {
 pub(super) fn run(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
     let token = Avx2::detect().expect("the avx2 backend needs AVX2");
     // SAFETY: the token proves the feature that `enter` is compiled with.
-    unsafe { enter(token, job, state, out) }
+    by_case!(job, CASE => unsafe { enter::<CASE>(token, job, state, out) })
 }
 
 #[target_feature(enable = "avx2")]
-fn enter(token: Avx2, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-    body::run(token, job, state, out);
+fn enter<const CASE: u8>(token: Avx2, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+    body::run::<_, CASE>(token, job, state, out);
 }
 
 /// An instruction on values.
@@ -179,6 +179,10 @@ impl Lanes for Avx2 {
         proven!(_mm256_sub_epi16(a, _mm256_and_si256(m, b)))
     }
     #[inline(always)]
+    fn reset(self, a: __m256i, b: __m256i) -> __m256i {
+        proven!(_mm256_max_epu16(a, _mm256_sub_epi16(a, b)))
+    }
+    #[inline(always)]
     fn increment_where(self, m: __m256i, a: __m256i) -> __m256i {
         proven!(_mm256_subs_epi16(a, m))
     }
@@ -196,9 +200,9 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn bits(self, m: __m256i) -> u32 {
-        // Each half packs to eight bytes of its own.
-        let bits = proven!(_mm256_movemask_epi8(_mm256_packs_epi16(m, _mm256_setzero_si256()))) as u32;
-        bits & 0xff | bits >> 8 & 0xff00
+        // Packing whole vectors would work within halves, and leave the bytes to be put in order.
+        let (low, high) = proven!((_mm256_castsi256_si128(m), _mm256_extracti128_si256::<1>(m)));
+        proven!(_mm_movemask_epi8(_mm_packs_epi16(low, high))) as u32
     }
     #[inline(always)]
     fn load_pairs(self, from: &[u32], at: usize) -> __m256i {

@@ -6,7 +6,7 @@ use std::arch::x86_64::*;
 
 use crate::draws::gauss;
 use crate::kernels::Job;
-use crate::kernels::body;
+use crate::kernels::body::{self, by_case};
 use crate::kernels::lanes::Lanes;
 use crate::plan::StateParts;
 
@@ -28,12 +28,12 @@ impl Avx512 {
 pub(super) fn run(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
     let token = Avx512::detect().expect("the avx512 backend needs AVX-512 F, BW and VBMI");
     // SAFETY: the token proves the features that `enter` is compiled with.
-    unsafe { enter(token, job, state, out) }
+    by_case!(job, CASE => unsafe { enter::<CASE>(token, job, state, out) })
 }
 
 #[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
-fn enter(token: Avx512, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-    body::run(token, job, state, out);
+fn enter<const CASE: u8>(token: Avx512, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+    body::run::<_, CASE>(token, job, state, out);
 }
 
 /// An instruction on values.
@@ -212,6 +212,10 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn sub_where(self, m: __mmask32, a: __m512i, b: __m512i) -> __m512i {
         proven!(_mm512_mask_sub_epi16(a, m, a, b))
+    }
+    #[inline(always)]
+    fn reset(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_max_epu16(a, _mm512_sub_epi16(a, b)))
     }
     #[inline(always)]
     fn increment_where(self, m: __mmask32, a: __m512i) -> __m512i {

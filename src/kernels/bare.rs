@@ -4,7 +4,7 @@
 use crate::kernels::body::write;
 use crate::kernels::increment::{Increment, Sample, cut_off, sample, sample_bytes};
 use crate::kernels::lanes::Lanes;
-use crate::kernels::pass::{Pass, passes};
+use crate::kernels::pass::{FRAMES, Pass, passes};
 use crate::kernels::pixels::{Constants, Pixels};
 use crate::kernels::step;
 use crate::kernels::{Job, Light, Samples};
@@ -23,21 +23,24 @@ pub(super) fn bare<L: Lanes, const STORE: u8, const WHOLE: bool>(
 ) {
     let pixels = job.plan.geometry().pixels().saturating_sub(job.range().start);
     for pass in passes(job) {
+        let bytes = pass.frames::<u8>();
+        let shorts = pass.frames::<u16>();
+        let floats = pass.frames::<f32>();
         let mut at = 0;
         while at + TOGETHER * L::N <= job.pixels() {
             let inside = at + TOGETHER * L::N <= pixels;
             match pass.single {
                 Some(Samples::U8(_)) if WHOLE && inside => {
-                    grey::<L, STORE, TOGETHER>(l, job, state, out, at, &pass);
+                    grey::<L, STORE, TOGETHER>(l, job, state, out, at, &pass, &bytes);
                 }
                 Some(Samples::U8(_)) if inside => {
-                    singles::<L, u8, STORE, TOGETHER>(l, job, state, out, at, &pass);
+                    singles::<L, u8, STORE, TOGETHER>(l, job, state, out, at, &pass, &bytes);
                 }
                 Some(Samples::U16(_)) if inside => {
-                    singles::<L, u16, STORE, TOGETHER>(l, job, state, out, at, &pass);
+                    singles::<L, u16, STORE, TOGETHER>(l, job, state, out, at, &pass, &shorts);
                 }
                 Some(Samples::F32(_)) if inside => {
-                    singles::<L, f32, STORE, TOGETHER>(l, job, state, out, at, &pass);
+                    singles::<L, f32, STORE, TOGETHER>(l, job, state, out, at, &pass, &floats);
                 }
                 _ => mixed::<L, STORE, WHOLE, TOGETHER>(l, job, state, out, at, &pass),
             }
@@ -61,11 +64,11 @@ fn load<L: Lanes, const U: usize>(
     at: usize,
 ) -> ([Constants<L>; U], [Pixels<L>; U]) {
     let first = job.range().start + at;
-    let mut constants = [Constants::load(l, job, first); U];
-    let mut pixels = [Pixels::load(l, state, at); U];
+    let mut constants = [Constants::bare(l, job, first); U];
+    let mut pixels = [Pixels::bare(l, state, at); U];
     for u in 1..U {
-        constants[u] = Constants::load(l, job, first + u * L::N);
-        pixels[u] = Pixels::load(l, state, at + u * L::N);
+        constants[u] = Constants::bare(l, job, first + u * L::N);
+        pixels[u] = Pixels::bare(l, state, at + u * L::N);
     }
     (constants, pixels)
 }
@@ -73,7 +76,7 @@ fn load<L: Lanes, const U: usize>(
 #[inline(always)]
 fn store<L: Lanes, const U: usize>(l: L, pixels: &[Pixels<L>; U], state: &mut StateParts<'_>, at: usize) {
     for u in 0..U {
-        pixels[u].store(l, state, at + u * L::N);
+        pixels[u].store_bare(l, state, at + u * L::N);
     }
 }
 
@@ -86,12 +89,12 @@ fn grey<L: Lanes, const STORE: u8, const U: usize>(
     out: &mut [u8],
     at: usize,
     pass: &Pass<'_>,
+    frames: &[&[u8]; FRAMES],
 ) {
     let (constants, mut pixels) = load::<L, U>(l, job, state, at);
-    let bytes = job.tile_bytes();
-    for (t, frame) in pass.readouts().zip(pass.frames::<u8>()) {
+    for (row, frame) in pass.bits(job, out).zip(frames) {
         let frame = &frame[constants[0].p..][..U * L::N];
-        let row = &mut out[t * bytes + at / 8..][..U * L::N / 8];
+        let row = &mut row[at / 8..][..U * L::N / 8];
         for u in 0..U {
             let increment = Increment::whole(l, &constants[u], l.bytes(frame, u * L::N));
             let fired = step::bare::<L, STORE, true>(l, &constants[u], &increment, &mut pixels[u]);
@@ -110,13 +113,13 @@ fn singles<L: Lanes, T: Sample, const STORE: u8, const U: usize>(
     out: &mut [u8],
     at: usize,
     pass: &Pass<'_>,
+    frames: &[&[T]; FRAMES],
 ) {
     let (constants, mut pixels) = load::<L, U>(l, job, state, at);
-    let bytes = job.tile_bytes();
     let greatest = job.plan.rules().greatest_light;
-    for (t, frame) in pass.readouts().zip(pass.frames::<T>()) {
+    for (row, frame) in pass.bits(job, out).zip(frames) {
         let frame = &frame[constants[0].p..][..U * L::N];
-        let row = &mut out[t * bytes + at / 8..][..U * L::N / 8];
+        let row = &mut row[at / 8..][..U * L::N / 8];
         for u in 0..U {
             let light = cut_off(l, greatest, T::light(l, frame, u * L::N), T::UNBOUNDED);
             let increment = Increment::new::<false, false>(l, &constants[u], light);
@@ -147,8 +150,9 @@ fn mixed<L: Lanes, const STORE: u8, const WHOLE: bool, const U: usize>(
                 for u in 1..U {
                     increments[u] = held::<L, WHOLE>(l, &constants[u], greatest, samples);
                 }
-                for t in readouts.clone() {
-                    let row = &mut out[t * bytes + at / 8..][..U * L::N / 8];
+                let rows = &mut out[readouts.start * bytes..readouts.end * bytes];
+                for row in rows.chunks_exact_mut(bytes) {
+                    let row = &mut row[at / 8..][..U * L::N / 8];
                     for u in 0..U {
                         let fired =
                             step::bare::<L, STORE, WHOLE>(l, &constants[u], &increments[u], &mut pixels[u]);

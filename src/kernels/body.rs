@@ -34,9 +34,27 @@ use crate::kernels::{Job, Light, Samples};
 use crate::pixel::Redraw;
 use crate::plan::{NoiseTable, StateParts};
 
-/// Runs the job with the body that fits its plan.
-#[inline(always)]
-pub(super) fn run<L: Lanes>(l: L, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+/// The cases that have a function of their own in every backend: one function
+/// with all of them has fifty thousand instructions, and the compiler then
+/// stops to inline and spills what it could keep.
+pub(super) const CASES: u8 = 9;
+
+/// Evaluates an expression with the number of the job's case as a constant.
+macro_rules! by_case {
+    ($job:expr, $case:ident => $e:expr) => {
+        by_case!(@ $job, $case, $e, [0, 1, 2, 3, 4, 5, 6, 7])
+    };
+    (@ $job:expr, $case:ident, $e:expr, [$($n:literal),*]) => {
+        match body::case($job) {
+            $($n => { const $case: u8 = $n; $e })*
+            _ => { const $case: u8 = body::CASES - 1; $e }
+        }
+    };
+}
+pub(super) use by_case;
+
+/// The case of a job.
+pub(super) fn case(job: &Job<'_>) -> u8 {
     let (tables, rules) = (job.plan.tables(), job.plan.rules());
     let noise = match (&tables.noise, rules.redraw) {
         (None, _) => Some(NONE),
@@ -53,13 +71,30 @@ pub(super) fn run<L: Lanes>(l: L, job: &Job<'_>, state: &mut StateParts<'_>, out
     let bytes = job.batch.segments().iter().all(|(_, light)| matches!(light, Light::Held(Samples::U8(_))));
     let whole = bytes && !tables.whole_gain.is_empty();
     match (tables.shot.is_some(), noise, store) {
-        (false, Some(NONE), FREE) if whole => bare::<L, FREE, true>(l, job, state, out),
-        (false, Some(NONE), FREE) => bare::<L, FREE, false>(l, job, state, out),
-        (false, Some(NONE), CLAMPED) => bare::<L, CLAMPED, false>(l, job, state, out),
-        (true, Some(NONE), CLAMPED) => noisy::<L, NONE, CLAMPED, false>(l, job, state, out),
-        (true, Some(READOUT), CLAMPED) => noisy::<L, READOUT, CLAMPED, false>(l, job, state, out),
-        (true, Some(READOUT), SURPLUS) => noisy::<L, READOUT, SURPLUS, false>(l, job, state, out),
-        (true, Some(RESET), CLAMPED) => noisy::<L, RESET, CLAMPED, false>(l, job, state, out),
+        (false, Some(NONE), FREE) if whole => 0,
+        (false, Some(NONE), FREE) => 1,
+        (false, Some(NONE), CLAMPED) if whole => 2,
+        (false, Some(NONE), CLAMPED) => 3,
+        (true, Some(NONE), CLAMPED) => 4,
+        (true, Some(READOUT), CLAMPED) => 5,
+        (true, Some(READOUT), SURPLUS) => 6,
+        (true, Some(RESET), CLAMPED) => 7,
+        _ => CASES - 1,
+    }
+}
+
+/// Runs a job of case `CASE`.
+#[inline(always)]
+pub(super) fn run<L: Lanes, const CASE: u8>(l: L, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+    match CASE {
+        0 => bare::<L, FREE, true>(l, job, state, out),
+        1 => bare::<L, FREE, false>(l, job, state, out),
+        2 => bare::<L, CLAMPED, true>(l, job, state, out),
+        3 => bare::<L, CLAMPED, false>(l, job, state, out),
+        4 => noisy::<L, NONE, CLAMPED, false>(l, job, state, out),
+        5 => noisy::<L, READOUT, CLAMPED, false>(l, job, state, out),
+        6 => noisy::<L, READOUT, SURPLUS, false>(l, job, state, out),
+        7 => noisy::<L, RESET, CLAMPED, false>(l, job, state, out),
         _ => noisy::<L, NONE, SURPLUS, true>(l, job, state, out),
     }
 }
@@ -82,8 +117,14 @@ fn noisy<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
             Some(Samples::F32(_)) => singles::<L, f32, NOISE, STORE, ANY>(l, job, &pass, whole, state, out),
             None => 0,
         };
-        for at in (rest..job.pixels()).step_by(L::N) {
+        let mut at = rest;
+        while at < job.pixels() {
+            if !ANY && pair::<L, NOISE, STORE>(l, job, &pass, at, state, out) {
+                at += 2 * L::N;
+                continue;
+            }
             mixed::<L, NOISE, STORE, ANY>(l, job, &pass, at, state, out);
+            at += L::N;
         }
     }
 }
@@ -99,12 +140,46 @@ fn singles<L: Lanes, T: Sample, const NOISE: u8, const STORE: u8, const ANY: boo
     out: &mut [u8],
 ) -> usize {
     let frames = pass.frames::<T>();
+    let frames = &frames[..pass.segments.len()];
     let greatest = job.plan.rules().greatest_light;
-    for at in (0..whole).step_by(L::N) {
+    let brightest = l.splat_f(greatest);
+    // Nothing to ask at a readout but its light: known for a whole pass.
+    let plain = !ANY && !job.plan.rules().clip && (T::UNBOUNDED || greatest >= 255.0);
+    let mut at = 0;
+    while at < whole {
         let c = Constants::load(l, job, job.range().start + at);
         let mut pixels = Pixels::load(l, state, at);
-        let rows = pass.rows(job, out).zip(frames);
-        for (row, frame) in rows {
+        let bright = plain && at + 2 * L::N <= whole && is_bright::<L, T>(l, frames, greatest, &c);
+        if bright {
+            let d = Constants::load(l, job, job.range().start + at + L::N);
+            if is_bright::<L, T>(l, frames, greatest, &d) {
+                let (c, d) = (Constants { clip: false, ..c }, Constants { clip: false, ..d });
+                let mut others = Pixels::load(l, state, at + L::N);
+                for (row, frame) in pass.rows(job, out).zip(frames) {
+                    let frame = &frame[c.p..][..2 * L::N];
+                    let (light, more) = (T::light(l, frame, 0), T::light(l, frame, L::N));
+                    let (light, more) = if T::UNBOUNDED {
+                        (l.min_f(light, brightest), l.min_f(more, brightest))
+                    } else {
+                        (light, more)
+                    };
+                    let increment = Increment::bright(l, &c, light);
+                    let fired =
+                        step::noisy::<L, NOISE, STORE>(l, job, &row, &c, &increment, None, &mut pixels);
+                    let increment = Increment::bright(l, &d, more);
+                    let also =
+                        step::noisy::<L, NOISE, STORE>(l, job, &row, &d, &increment, None, &mut others);
+                    let bits = &mut row.bits[at / 8..][..const { L::N / 4 }];
+                    write(l, bits, 0, fired);
+                    write(l, bits, const { L::N / 8 }, also);
+                }
+                pixels.store(l, state, at);
+                others.store(l, state, at + L::N);
+                at += 2 * L::N;
+                continue;
+            }
+        }
+        for (row, frame) in pass.rows(job, out).zip(frames) {
             let light = cut_off(l, greatest, T::light(l, frame, c.p), T::UNBOUNDED);
             let increment = Increment::new::<true, ANY>(l, &c, light);
             let fine = if increment.any_fine { Fine::new(l, job, c.p, light) } else { None };
@@ -115,8 +190,54 @@ fn singles<L: Lanes, T: Sample, const NOISE: u8, const STORE: u8, const ANY: boo
             write(l, row.bits, at / 8, fired);
         }
         pixels.store(l, state, at);
+        at += L::N;
     }
     whole
+}
+
+/// Whether no pixel of the vector needs [`Fine`] in any of these frames.
+#[inline(always)]
+fn is_bright<L: Lanes, T: Sample>(l: L, frames: &[&[T]], greatest: f32, c: &Constants<L>) -> bool {
+    !l.any_less_f(cut_off(l, greatest, T::least(l, frames, c.p), true), c.whole_from)
+}
+
+/// Two vectors together under one held frame, so that they share the words of
+/// each readout; false, with nothing done, where the light or the place is another.
+#[inline(always)]
+fn pair<L: Lanes, const NOISE: u8, const STORE: u8>(
+    l: L,
+    job: &Job<'_>,
+    pass: &Pass<'_>,
+    at: usize,
+    state: &mut StateParts<'_>,
+    out: &mut [u8],
+) -> bool {
+    let [(readouts, Light::Held(samples))] = pass.segments else { return false };
+    if at + 2 * L::N > job.pixels() {
+        return false;
+    }
+    let greatest = job.plan.rules().greatest_light;
+    let (first, second) = (job.range().start + at, job.range().start + at + L::N);
+    let (c, d) = (Constants::load(l, job, first), Constants::load(l, job, second));
+    let light = cut_off(l, greatest, sample(l, *samples, first), samples.unbounded());
+    let increment = Increment::new::<true, false>(l, &c, light);
+    let light = cut_off(l, greatest, sample(l, *samples, second), samples.unbounded());
+    let other = Increment::new::<true, false>(l, &d, light);
+    if increment.any_fine || other.any_fine {
+        return false;
+    }
+    let mut pixels = Pixels::load(l, state, at);
+    let mut others = Pixels::load(l, state, at + L::N);
+    for row in Row::all(job, readouts.clone(), out) {
+        let fired = step::noisy::<L, NOISE, STORE>(l, job, &row, &c, &increment, None, &mut pixels);
+        let more = step::noisy::<L, NOISE, STORE>(l, job, &row, &d, &other, None, &mut others);
+        let bits = &mut row.bits[at / 8..][..const { L::N / 4 }];
+        write(l, bits, 0, fired);
+        write(l, bits, const { L::N / 8 }, more);
+    }
+    pixels.store(l, state, at);
+    others.store(l, state, at + L::N);
+    true
 }
 
 /// Held frames and ways between frames.

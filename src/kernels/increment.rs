@@ -65,6 +65,16 @@ impl<L: Lanes> Increment<L> {
         result
     }
 
+    /// For light at which no pixel of the vector needs [`Fine`], and no rare rule holds.
+    #[inline(always)]
+    pub fn bright(l: L, c: &Constants<L>, light: L::Float) -> Self {
+        let word = fixed(l, l.add_f(l.mul_f(light, c.gain), c.dark), c.clip);
+        let mut result = Self::of_halves(l, l.high(word), l.low(word));
+        let variance = l.add_f(l.mul_f(light, c.slope), c.offset);
+        result.multiplier = l.low(l.round(root(l, variance)));
+        result
+    }
+
     /// For 8-bit light where every increment is a whole number of steps.
     #[inline(always)]
     pub fn whole(l: L, c: &Constants<L>, light: L::Half) -> Self {
@@ -143,6 +153,15 @@ fn root<L: Lanes>(l: L, x: L::Float) -> L::Float {
 pub(super) trait Sample: Copy {
     /// `N` samples from `at` on, in 1/255 of full scale.
     fn light<L: Lanes>(l: L, from: &[Self], at: usize) -> L::Float;
+    /// The smallest of each pixel's samples in some frames, in 1/255 of full scale.
+    #[inline(always)]
+    fn least<L: Lanes>(l: L, frames: &[&[Self]], at: usize) -> L::Float {
+        let mut least = l.splat_f(f32::MAX);
+        for frame in frames {
+            least = l.min_f(least, Self::light(l, frame, at));
+        }
+        least
+    }
     /// The samples, if they are of this kind.
     fn of(samples: Samples<'_>) -> Option<&[Self]>;
     /// Whether a sample can exceed full scale.
@@ -157,6 +176,14 @@ impl Sample for u8 {
     #[inline(always)]
     fn light<L: Lanes>(l: L, from: &[Self], at: usize) -> L::Float {
         l.bytes_to_f(from, at)
+    }
+    #[inline(always)]
+    fn least<L: Lanes>(l: L, frames: &[&[Self]], at: usize) -> L::Float {
+        let mut least = l.splat(255);
+        for frame in frames {
+            least = l.min(least, l.bytes(frame, at));
+        }
+        l.to_f(l.widen(least))
     }
     const UNBOUNDED: bool = false;
 }

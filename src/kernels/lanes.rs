@@ -43,6 +43,15 @@ pub(crate) trait Lanes: Copy {
     fn select(self, m: Self::Mask, a: Self::Half, b: Self::Half) -> Self::Half;
     /// `a - b` (wrapping) where the mask holds, else `a`.
     fn sub_where(self, m: Self::Mask, a: Self::Half, b: Self::Half) -> Self::Half;
+    /// `a - b` where `a` is not negative, else `a`; for `a < b` only.
+    ///
+    /// A non-negative `a` then wraps below zero, which is large as an unsigned word;
+    /// a negative one only gets smaller: the larger of `a` and `a - b` is the answer, and the chain
+    /// from one readout to the next does not wait for a mask.
+    #[inline(always)]
+    fn reset(self, a: Self::Half, b: Self::Half) -> Self::Half {
+        self.sub_where(self.not_less(a, self.splat(0)), a, b)
+    }
     /// `a + 1`, saturating, where the mask holds, else `a`.
     fn increment_where(self, m: Self::Mask, a: Self::Half) -> Self::Half;
 

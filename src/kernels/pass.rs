@@ -46,9 +46,13 @@ fn single<'a>(segments: &[(Range<usize>, Light<'a>)]) -> Option<Samples<'a>> {
 
 impl<'a> Pass<'a> {
     /// The readouts.
+    #[inline(always)]
     pub fn readouts(&self) -> Range<usize> {
-        let end = |i: Option<&(Range<usize>, Light<'_>)>| i.map_or(0..0, |s| s.0.clone());
-        end(self.segments.first()).start..end(self.segments.last()).end
+        match self.segments {
+            [first, .., last] => first.0.start..last.0.end,
+            [only] => only.0.clone(),
+            [] => 0..0,
+        }
     }
 
     /// The frames of a pass of singles, one per readout.
@@ -60,6 +64,13 @@ impl<'a> Pass<'a> {
             }
         }
         frames
+    }
+
+    /// The tile's bits at each of its readouts.
+    #[inline(always)]
+    pub fn bits<'b>(&self, job: &Job<'_>, out: &'b mut [u8]) -> std::slice::ChunksExactMut<'b, u8> {
+        let (readouts, bytes) = (self.readouts(), job.tile_bytes());
+        out[readouts.start * bytes..readouts.end * bytes].chunks_exact_mut(bytes)
     }
 
     /// The rows of all its readouts.

@@ -28,6 +28,20 @@ impl<L: Lanes> Pixels<L> {
         }
     }
 
+    /// What a plan without temporal noise has.
+    #[inline(always)]
+    pub fn bare(l: L, state: &StateParts<'_>, at: usize) -> Self {
+        let none = l.splat(0);
+        let (charge, fraction) = (l.load(state.charge, at), l.load(state.fraction, at));
+        Self { charge, fraction, surplus: none, fired: none, held: none, held_fraction: none }
+    }
+
+    #[inline(always)]
+    pub fn store_bare(&self, l: L, state: &mut StateParts<'_>, at: usize) {
+        l.store(state.charge, at, self.charge);
+        l.store(state.fraction, at, self.fraction);
+    }
+
     #[inline(always)]
     pub fn store(&self, l: L, state: &mut StateParts<'_>, at: usize) {
         l.store(state.charge, at, self.charge);
@@ -104,6 +118,28 @@ pub(super) struct Constants<L: Lanes> {
 }
 
 impl<L: Lanes> Constants<L> {
+    /// What a plan without temporal noise has.
+    #[inline(always)]
+    pub fn bare(l: L, job: &Job<'_>, p: usize) -> Self {
+        let (tables, none, zero) = (job.plan.tables(), l.splat_f(0.0), l.splat(0));
+        Self {
+            p,
+            threshold: l.load(&tables.threshold, p),
+            ceiling: optional(l, &tables.ceiling, p),
+            pair_keys: zero,
+            noise: zero,
+            whole_gain: optional(l, &tables.whole_gain, p),
+            gain: l.load_f(&tables.gain, p),
+            dark: l.load_f(&tables.dark, p),
+            whole_from: none,
+            slope: none,
+            offset: none,
+            clip: job.plan.rules().clip,
+            kept_increment: 1.0,
+            extra_thresholds: 0,
+        }
+    }
+
     #[inline(always)]
     pub fn load(l: L, job: &Job<'_>, p: usize) -> Self {
         let (tables, rules) = (job.plan.tables(), job.plan.rules());

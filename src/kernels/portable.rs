@@ -4,7 +4,7 @@ use wide::{f32x8, i8x32, i16x16, i32x8, u32x8};
 
 use crate::draws::gauss;
 use crate::kernels::Job;
-use crate::kernels::body;
+use crate::kernels::body::{self, by_case};
 use crate::kernels::lanes::Lanes;
 use crate::plan::StateParts;
 
@@ -14,7 +14,12 @@ struct Portable;
 
 /// Runs the job with the vectors of `wide`.
 pub(super) fn run(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-    body::run(Portable, job, state, out);
+    by_case!(job, CASE => enter::<CASE>(job, state, out));
+}
+
+#[inline(never)]
+fn enter<const CASE: u8>(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+    body::run::<_, CASE>(Portable, job, state, out);
 }
 
 type Pair = [i32x8; 2];
@@ -58,6 +63,22 @@ fn signed(a: u32x8) -> i32x8 {
     bytemuck::cast(a)
 }
 
+/// Every value of an array, by a loop: `map` and `from_fn` are compiled apart
+/// in so large a function, and then cost a call for each vector.
+macro_rules! mapped {
+    ([$($zero:tt)*], $v:ident in $values:expr => $e:expr) => {{
+        let values = $values;
+        let mut out = [$($zero)*];
+        let mut i = 0;
+        while i < values.len() {
+            let $v = values[i];
+            out[i] = $e;
+            i += 1;
+        }
+        out
+    }};
+}
+
 #[inline(always)]
 fn each<T: Copy>(a: [T; 2], b: [T; 2], f: impl Fn(T, T) -> T) -> [T; 2] {
     [f(a[0], b[0]), f(a[1], b[1])]
@@ -92,9 +113,8 @@ fn shuffled(bits: i16x16) -> i16x16 {
 
 #[inline(always)]
 fn looked_up(bits: i16x16) -> i16x16 {
-    let bits = bits.to_array();
-    i16x16::new(std::array::from_fn(|i| {
-        let [low, high] = bits[i].to_le_bytes();
+    i16x16::new(mapped!([0; 16], b in bits.to_array() => {
+        let [low, high] = b.to_le_bytes();
         BYTES[0][low as usize] + BYTES[1][high as usize]
     }))
 }
@@ -144,7 +164,7 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn bytes(self, from: &[u8], at: usize) -> i16x16 {
-        i16x16::new(sixteen(from, at).map(i16::from))
+        i16x16::new(mapped!([0; 16], b in sixteen(from, at) => i16::from(b)))
     }
     #[inline(always)]
     fn select(self, m: i16x16, a: i16x16, b: i16x16) -> i16x16 {
@@ -208,11 +228,11 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn bytes_to_f(self, from: &[u8], at: usize) -> PairF {
-        bytemuck::cast(sixteen(from, at).map(f32::from))
+        bytemuck::cast(mapped!([0.0; 16], v in sixteen(from, at) => f32::from(v)))
     }
     #[inline(always)]
     fn shorts_to_f(self, from: &[u16], at: usize) -> PairF {
-        bytemuck::cast(sixteen(from, at).map(f32::from))
+        bytemuck::cast(mapped!([0.0; 16], v in sixteen(from, at) => f32::from(v)))
     }
     #[inline(always)]
     fn add_f(self, a: PairF, b: PairF) -> PairF {
@@ -232,7 +252,7 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn sqrt_f(self, a: PairF) -> PairF {
-        a.map(f32x8::sqrt)
+        [a[0].sqrt(), a[1].sqrt()]
     }
     #[inline(always)]
     fn min_f(self, a: PairF, b: PairF) -> PairF {
@@ -244,8 +264,7 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
-        let half = |i: usize| a[i].simd_lt(b[i]).bitselect(x[i], y[i]);
-        [half(0), half(1)]
+        [a[0].simd_lt(b[0]).bitselect(x[0], y[0]), a[1].simd_lt(b[1]).bitselect(x[1], y[1])]
     }
     #[inline(always)]
     fn any_less_f(self, a: PairF, b: PairF) -> bool {
@@ -253,15 +272,15 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn round(self, a: PairF) -> Pair {
-        a.map(f32x8::fast_round_int)
+        [a[0].fast_round_int(), a[1].fast_round_int()]
     }
     #[inline(always)]
     fn truncate(self, a: PairF) -> Pair {
-        a.map(f32x8::fast_trunc_int)
+        [a[0].fast_trunc_int(), a[1].fast_trunc_int()]
     }
     #[inline(always)]
     fn to_f(self, a: Pair) -> PairF {
-        a.map(i32x8::round_float)
+        [a[0].round_float(), a[1].round_float()]
     }
     #[inline(always)]
     fn bits_of_f(self, a: PairF) -> Pair {
@@ -301,7 +320,7 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn shr_w<const BITS: u32>(self, a: Pair) -> Pair {
-        a.map(|a| signed(unsigned(a).unbounded_shr_scalar(BITS)))
+        [signed(unsigned(a[0]).unbounded_shr_scalar(BITS)), signed(unsigned(a[1]).unbounded_shr_scalar(BITS))]
     }
     #[inline(always)]
     fn min_w(self, a: Pair, b: Pair) -> Pair {
@@ -309,11 +328,8 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {
-        let half = |i: usize| {
-            let m = b[i].simd_gt(a[i]);
-            (m & x[i]) | (!m & y[i])
-        };
-        [half(0), half(1)]
+        let (first, second) = (b[0].simd_gt(a[0]), b[1].simd_gt(a[1]));
+        [(first & x[0]) | (!first & y[0]), (second & x[1]) | (!second & y[1])]
     }
     #[inline(always)]
     fn greater_w(self, a: Pair, b: Pair) -> i16x16 {
@@ -323,26 +339,29 @@ impl Lanes for Portable {
     fn gather(self, table: &[u32], index: Pair) -> Pair {
         let index: [u32; 16] = bytemuck::cast(index);
         let last = table.len() - 1;
-        bytemuck::cast(index.map(|i| table[(i as usize).min(last)]))
+        bytemuck::cast(mapped!([0; 16], i in index => table[(i as usize).min(last)]))
     }
     #[inline(always)]
     fn low(self, a: Pair) -> i16x16 {
         let words: [i32; 16] = bytemuck::cast(a);
-        i16x16::new(words.map(|w| w as i16))
+        i16x16::new(mapped!([0; 16], w in words => w as i16))
     }
     #[inline(always)]
     fn high(self, a: Pair) -> i16x16 {
         let words: [i32; 16] = bytemuck::cast(a);
-        i16x16::new(words.map(|w| (w >> 16) as i16))
+        i16x16::new(mapped!([0; 16], w in words => (w >> 16) as i16))
     }
     #[inline(always)]
     fn join(self, high: i16x16, low: i16x16) -> Pair {
         let (high, low) = (high.to_array(), low.to_array());
-        let words: [i32; 16] = std::array::from_fn(|i| i32::from(high[i]) << 16 | i32::from(low[i] as u16));
+        let mut words = [0; 16];
+        for (word, (high, low)) in words.iter_mut().zip(high.into_iter().zip(low)) {
+            *word = i32::from(high) << 16 | i32::from(low as u16);
+        }
         bytemuck::cast(words)
     }
     #[inline(always)]
     fn widen(self, a: i16x16) -> Pair {
-        bytemuck::cast(a.to_array().map(i32::from))
+        bytemuck::cast(mapped!([0; 16], v in a.to_array() => i32::from(v)))
     }
 }

@@ -53,7 +53,11 @@ pub(super) fn bare<L: Lanes, const STORE: u8, const WHOLE: bool>(
         pixel.charge = l.min(pixel.charge, constants.ceiling);
     }
     let fired = l.not_less(pixel.charge, l.splat(0));
-    pixel.charge = l.sub_where(fired, pixel.charge, constants.threshold);
+    pixel.charge = if STORE == FREE {
+        l.reset(pixel.charge, constants.threshold)
+    } else {
+        l.sub_where(fired, pixel.charge, constants.threshold)
+    };
     fired
 }
 

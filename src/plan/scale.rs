@@ -102,10 +102,15 @@ pub(super) fn choose(model: &Model, light: f64) -> Result<Scale> {
         0.97 * gauss::SCALE / e.noise,
         0.97 * gauss::SCALE / e.shot,
         match storage {
-            // An increment on an empty pixel, with its noise.
-            Storage::Free | Storage::Surplus => 31_000.0 / (e.increment + reach * e.shot),
-            // The largest charge, and the noise that a saturated sum still has to hold.
-            Storage::Clamped => 32_000.0 / (e.ceiling * e.threshold + reach * e.shot),
+            // An increment with its noise, on a pixel that a high threshold has just kept silent,
+            // less a threshold that is as low.
+            Storage::Free | Storage::Surplus => 31_000.0 / (e.increment + reach * (e.shot + 2.0 * e.noise)),
+            // The largest charge, and the noise that a saturated sum still has to hold; or what a
+            // threshold that noise has lowered leaves of it.
+            Storage::Clamped => {
+                let most = e.ceiling * e.threshold;
+                (32_000.0 / (most + reach * e.shot)).min(32_000.0 / (most - e.threshold + reach * e.noise))
+            }
         },
     ];
     let limit = most.into_iter().fold(f64::INFINITY, f64::min);

@@ -36,6 +36,7 @@ presets![
     "scsim-paper",
     "scsim-code",
     "physical",
+    "vidar-measured",
     "spcs",
     "neuspike",
     "spikingsim",

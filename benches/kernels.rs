@@ -1,0 +1,136 @@
+//! Kernels to memory, one thread: every backend and noise set, held light and a
+//! new frame at every readout, beside the plain scalar loop. Every backend's
+//! bits are compared with the reference before anything is timed.
+
+// The report needs more of this file than the benchmark does.
+#[path = "../src/cli/bench/scalar.rs"]
+mod scalar;
+
+use std::time::{Duration, Instant};
+
+use criterion::{BenchmarkId, Criterion, Throughput};
+use spikelane::effects::find;
+use spikelane::kernels::{self, Batch, Job, Light, Samples, Segment};
+use spikelane::{Backend, Camera, Plan, Seeds, Sensor};
+
+const PIXELS: usize = 100_000;
+const READOUTS: usize = 128;
+const TILE: usize = 4096;
+
+fn camera(noise: &str) -> Camera {
+    let typical = |name: &str| find(name).unwrap().typical();
+    let camera = Camera::ideal(Sensor::new(400, 250, 40_000.0).unwrap()).with(typical("start_phase"));
+    if noise == "ideal" {
+        return camera;
+    }
+    let fixed = ["saturation_clamp", "prnu", "dark_current", "bias_voltage"];
+    let camera = fixed.into_iter().fold(camera, |c, name| c.with(typical(name)));
+    if noise == "fixed" {
+        return camera;
+    }
+    let thermal = typical("thermal_noise").with_text("redraw", "every-readout").unwrap();
+    let camera = camera.with(typical("shot_noise")).with(thermal);
+    if noise == "full" {
+        return camera;
+    }
+    let dark = typical("dark_current").with("mean", 0.1).unwrap().with("sigma", 0.02).unwrap();
+    camera.with(typical("dark_shot_noise")).with(dark)
+}
+
+fn run(plan: &Plan, backend: Backend, segments: &[Segment<'_>], out: &mut [u8]) -> u64 {
+    let batch = Batch::new(plan, 0, segments);
+    let mut state = plan.start();
+    let mut digest = 0xcbf2_9ce4_8422_2325u64;
+    for (i, part) in state.tiles(TILE).iter_mut().enumerate() {
+        let job = Job::new(plan, &batch, i * TILE, TILE);
+        let out = &mut out[..batch.readouts() * job.tile_bytes()];
+        kernels::run(backend, &job, part, out);
+        digest =
+            out.iter().step_by(61).fold(digest, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3));
+    }
+    digest
+}
+
+fn backends() -> Vec<Backend> {
+    let all = Backend::ALL.into_iter().skip(1);
+    all.filter(|b| {
+        let available = b.available();
+        if !available {
+            eprintln!("skipped backend {b}: this CPU lacks its instructions");
+        }
+        available
+    })
+    .collect()
+}
+
+fn kernels(c: &mut Criterion) {
+    let mut out = vec![0; READOUTS * TILE / 8];
+    for noise in ["ideal", "fixed", "full", "few-electrons"] {
+        let plan = Plan::new(&camera(noise), Seeds::default()).unwrap();
+        let level = |p: usize, t: usize| {
+            if noise == "few-electrons" { 0 } else { 60 + ((p * 7 + t * 13) % 40) as u8 }
+        };
+        let frames: Vec<Vec<u8>> =
+            (0..READOUTS).map(|t| (0..PIXELS).map(|p| level(p, t)).collect()).collect();
+        let light = |f| Light::Held(Samples::U8(f));
+        let held = [Segment { readouts: READOUTS, light: light(&frames[0]) }];
+        let new: Vec<_> = frames.iter().map(|f| Segment { readouts: 1, light: light(f) }).collect();
+        for (name, segments) in [("held", &held[..]), ("new-frame", &new[..])] {
+            let expected = run(&plan, Backend::Reference, segments, &mut out);
+            let mut group = c.benchmark_group(format!("{noise}/{name}"));
+            group.throughput(Throughput::Elements((PIXELS * READOUTS) as u64));
+            for backend in backends() {
+                assert_eq!(run(&plan, backend, segments, &mut out), expected, "{backend} {noise} {name}");
+                let id = BenchmarkId::from_parameter(backend);
+                group.bench_function(id, |b| b.iter(|| run(&plan, backend, segments, &mut out)));
+            }
+            group.finish();
+        }
+    }
+}
+
+/// The best time of ten runs.
+fn best(mut run: impl FnMut()) -> f64 {
+    let times = (0..10).map(|_| {
+        let begin = Instant::now();
+        run();
+        begin.elapsed().as_secs_f64()
+    });
+    times.fold(f64::MAX, f64::min)
+}
+
+/// Full noise under held light beside the plain loop, in one run; both kinds
+/// of lanes have a floor.
+fn beside_the_plain_loop() {
+    let plan = Plan::new(&camera("full"), Seeds::default()).unwrap();
+    let frame: Vec<u8> = (0..PIXELS).map(|p| 60 + (p * 7 % 40) as u8).collect();
+    let mut plain = scalar::Loop::new(PIXELS);
+    let mut bits = vec![0; PIXELS / 8];
+    let slow = best(|| plain.readout(&frame, &mut bits));
+    let rate = spikelane::spikes::count(&bits) as f64 / PIXELS as f64;
+    assert!((0.25..0.38).contains(&rate), "the plain loop fires at {rate}");
+    println!("plain f32 loop: {:.4} Gpixel-readouts/s", PIXELS as f64 / slow / 1e9);
+    let segments = [Segment { readouts: READOUTS, light: Light::Held(Samples::U8(&frame)) }];
+    let mut out = vec![0; READOUTS * TILE / 8];
+    for backend in backends() {
+        let time = best(|| {
+            run(&plan, backend, &segments, &mut out);
+        }) / READOUTS as f64;
+        println!(
+            "{backend}: {:.3} Gpixel-readouts/s, {:.1} times the plain loop",
+            PIXELS as f64 / time / 1e9,
+            slow / time
+        );
+    }
+}
+
+fn main() {
+    beside_the_plain_loop();
+    let mut criterion = Criterion::default()
+        .sample_size(10)
+        .warm_up_time(Duration::from_millis(100))
+        .measurement_time(Duration::from_millis(500))
+        .configure_from_args();
+    kernels(&mut criterion);
+    criterion.final_summary();
+}

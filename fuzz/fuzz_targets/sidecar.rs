@@ -1,0 +1,65 @@
+//! Any bytes as the sidecar of a stream: refused, or the reader has the geometry and layout that
+//! a general JSON parser finds in it; written anew from those facts it opens the same.
+#![no_main]
+
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
+use libfuzzer_sys::fuzz_target;
+use serde_json::{Value, json};
+use spikelane::Kind;
+use spikelane::formats::{Layout, Reader};
+
+/// A stream of a length that many geometries divide, and its sidecar beside it.
+static STREAM: LazyLock<PathBuf> = LazyLock::new(|| {
+    let folder = std::env::temp_dir().join(format!("spikelane-fuzz-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a temporary folder");
+    let stream = folder.join("s.dat");
+    let bytes: Vec<u8> = (0..5040u32).map(|i| (i * 37 >> 3) as u8).collect();
+    std::fs::write(&stream, bytes).expect("a temporary file");
+    stream
+});
+
+fn open(sidecar: &[u8]) -> spikelane::Result<Reader> {
+    std::fs::write(STREAM.with_extension("json"), sidecar).expect("a temporary file");
+    Reader::open(&STREAM, None, None)
+}
+
+fuzz_target!(|data: &[u8]| {
+    let reader = match open(data) {
+        Ok(reader) => reader,
+        Err(error) => {
+            let kinds = [Kind::Config, Kind::Input, Kind::Usage];
+            assert!(kinds.contains(&error.kind()), "{error}");
+            assert!(error.to_string().len() > 10);
+            return;
+        }
+    };
+    let g = reader.geometry();
+    let value: Value = serde_json::from_slice(data).expect("accepted, so it is JSON");
+    // Layouts that fix the geometry need no numbers.
+    if let (Some(w), Some(h)) = (value["width"].as_u64(), value["height"].as_u64()) {
+        assert_eq!((g.width() as u64, g.height() as u64), (w, h));
+    }
+    match value["layout"].as_str() {
+        Some(name) => assert_eq!(reader.layout(), Layout::parse(name).expect("accepted")),
+        None => assert_eq!(reader.layout(), Layout::Dat),
+    }
+    if let Some(readouts) = value["readouts"].as_u64() {
+        assert_eq!(reader.readouts() as u64, readouts);
+    }
+    let facts = json!({
+        "width": g.width(), "height": g.height(),
+        "layout": reader.layout().name(), "readouts": reader.readouts(),
+    });
+    let again = open(facts.to_string().as_bytes()).expect("the facts of an accepted sidecar");
+    assert_eq!(
+        (again.geometry(), again.layout(), again.readouts()),
+        (g, reader.layout(), reader.readouts())
+    );
+    let mut frames = [vec![0; g.frame_bytes()], vec![0; g.frame_bytes()]];
+    for (reader, frame) in [reader, again].iter().zip(&mut frames) {
+        let _ = reader.read_frame(0, frame);
+    }
+    assert_eq!(frames[0], frames[1]);
+});

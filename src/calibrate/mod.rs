@@ -1,0 +1,32 @@
+//! Fitting the model to a camera from recordings of known light.
+//!
+//! [`RecordingSet`] names the recordings, [`observe`] reads them in one pass
+//! and constant memory, [`calibrate`] estimates every pixel's rate
+//! `x = a light + d` (in thresholds per readout) and the population's noise,
+//! and [`Calibration::camera`] makes the camera that `simulate` takes.
+//! [`snee`] is the estimator of the SCSim paper, for comparison.
+//! [`Protocol`] plans recordings and writes synthetic ones.
+//!
+//! `docs/calibration.md` has the method and what it reaches.
+
+mod check;
+mod estimate;
+mod fit;
+mod observe;
+mod output;
+mod population;
+mod protocol;
+mod recordings;
+mod selection;
+mod snee;
+
+pub use estimate::{Calibration, Options, Redrawn, calibrate};
+pub use fit::{PixelFit, Weighting, fit_line, least_absolute};
+pub(crate) use observe::statistics;
+pub use observe::{IntervalNoise, Level, Observed, Progress, observe};
+pub use output::{Files, page, write};
+pub use population::{Population, threshold_spread};
+pub use protocol::{Precision, Protocol, predict};
+pub use recordings::{Light, RateMap, Recording, RecordingSet, Scene};
+pub use selection::{nu, psi};
+pub use snee::{Snee, SneeMaps, SneeOptions, snee};

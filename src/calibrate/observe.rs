@@ -1,0 +1,228 @@
+//! What the estimators need of a recording set, read in one pass.
+
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::check;
+use super::recordings::{Light, RateMap, RecordingSet};
+use crate::error::{Error, Kind, Result};
+use crate::formats::Reader;
+use crate::measure::{Accumulator, NEVER, Options, Statistics, median};
+use crate::spikes::{Geometry, Packed};
+
+/// Readouts read at a time.
+const BATCH: usize = 496;
+
+/// Levels up to this light have their intervals measured: beyond, a spike's phase noise
+/// drowns in quantisation, and intervals cost most.
+const DIM: f64 = 0.12;
+
+/// Told the file being read and the share of all bits done, 0 to 1.
+pub type Progress<'a> = &'a mut dyn FnMut(&str, f64);
+
+/// Phase variance per spike, over the pixels of a level.
+#[derive(Clone, Debug, PartialEq)]
+pub struct IntervalNoise {
+    /// Per pixel, in its own thresholds squared; NaN where too few intervals.
+    pub map: Vec<f64>,
+}
+
+/// A uniform level: per-pixel maps, row-major.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Level {
+    /// Its file.
+    pub name: String,
+    /// Light in fractions of what gives one spike per readout.
+    pub light: f64,
+    /// Readouts; 0 for a rate map of unknown length.
+    pub readouts: u32,
+    /// Spikes per pixel.
+    pub spikes: Vec<u32>,
+    /// Time-based rate, spikes per readout; by count below three spikes.
+    pub rate: Vec<f64>,
+    /// Share of the pixels whose two halves differ more than a static scene allows.
+    pub drifting: f64,
+    /// Phase noise per spike, of dim levels.
+    pub noise: Option<IntervalNoise>,
+}
+
+impl Level {
+    /// A level from counts, first and last spikes (readouts from 0, [`NEVER`] without).
+    #[must_use]
+    pub fn from_counts(
+        name: &str,
+        light: f64,
+        readouts: u32,
+        count: Vec<u32>,
+        first: &[u32],
+        last: &[u32],
+    ) -> Self {
+        let rate = |p: usize| match count[p] {
+            0..3 => f64::from(count[p]) / f64::from(readouts),
+            n => f64::from(n - 1) / f64::from(last[p] - first[p]),
+        };
+        let rate = (0..count.len()).map(rate).collect();
+        Self { name: name.to_owned(), light, readouts, spikes: count, rate, drifting: 0.0, noise: None }
+    }
+
+    /// Median rate of the pixels.
+    #[must_use]
+    pub fn median_rate(&self) -> f64 {
+        median(&mut crate::measure::finite(&self.rate))
+    }
+}
+
+/// The uniform levels of a set, and what was noticed on the way.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Observed {
+    /// Width and height.
+    pub geometry: Geometry,
+    /// Readouts per second.
+    pub readout_hz: f64,
+    /// The levels, by rising light.
+    pub levels: Vec<Level>,
+    /// Recordings of other scenes: their file names; the estimators do not use them.
+    pub others: Vec<String>,
+}
+
+/// Reads every recording of uniform light, and checks the set.
+///
+/// Memory: about 40 bytes per pixel and level, 400 bytes per pixel besides, whatever the
+/// length of the recordings. Work is shared over rayon's threads by bands of rows.
+///
+/// # Errors
+/// When a file cannot be read, a recording moves, the levels contradict each other or are
+/// all dark or saturated, a checkerboard or fixed pattern shows a wrong geometry or flip.
+pub fn observe(set: &RecordingSet, progress: Progress<'_>) -> Result<Observed> {
+    let geometry = set.geometry()?;
+    let readers = set.recordings.iter().map(|r| set.reader(r)).collect::<Result<Vec<_>>>()?;
+    let total: usize = readers.iter().map(Reader::readouts).sum();
+    let mut observed =
+        Observed { geometry, readout_hz: set.readout_hz, levels: Vec::new(), others: Vec::new() };
+    let mut done = 0;
+    for (recording, reader) in set.recordings.iter().zip(&readers) {
+        let name = recording.file.as_str();
+        let mut tell = |readouts: usize| progress(name, (done + readouts) as f64 / total.max(1) as f64);
+        let light = recording.light;
+        let wanted =
+            light.level().is_some() || matches!(light, Light::Scene(super::Scene::Checkerboard { .. }));
+        if wanted {
+            let dim = light.level().is_some_and(|l| l <= DIM);
+            let statistics = measured(reader, dim, &mut tell)?;
+            let level = level(name, light.level().unwrap_or(f64::NAN), &statistics);
+            match light.level() {
+                Some(_) => observed.levels.push(level),
+                None => {
+                    check::checkerboard(&level, light, geometry)?;
+                    observed.others.push(name.to_owned());
+                }
+            }
+        } else {
+            observed.others.push(name.to_owned());
+        }
+        done += reader.readouts();
+    }
+    for map in &set.rate_maps {
+        observed.levels.push(rate_map(&set.folder, map, geometry)?);
+    }
+    observed.levels.sort_by(|a, b| a.light.total_cmp(&b.light));
+    check::levels(&observed)?;
+    Ok(observed)
+}
+
+/// Statistics of a whole stream, bands of rows side by side.
+pub(crate) fn statistics(
+    reader: &Reader,
+    options: &Options,
+    tell: &mut dyn FnMut(usize),
+) -> Result<Statistics> {
+    let geometry = reader.geometry();
+    let bands = (2 * rayon::current_num_threads()).clamp(1, geometry.height());
+    let rows = |i: usize| i * geometry.height() / bands..(i + 1) * geometry.height() / bands;
+    let band =
+        |i| Accumulator::new(geometry, &Options { rows: Some(rows(i)), frames: false, ..options.clone() });
+    let mut accumulators = (0..bands).map(band).collect::<Result<Vec<_>>>()?;
+    if options.frames {
+        let whole = Options { rows: None, frames: true, ..Options::only_frames() };
+        accumulators.push(Accumulator::new(geometry, &whole)?);
+    }
+    let mut buffer = vec![0; BATCH * geometry.frame_bytes()];
+    let mut at = 0;
+    while at < reader.readouts() {
+        let now = BATCH.min(reader.readouts() - at);
+        let bytes = &mut buffer[..now * geometry.frame_bytes()];
+        reader.read_frames(at, bytes)?;
+        let packed = Packed::new(geometry, bytes)?;
+        accumulators.par_iter_mut().try_for_each(|a| a.push(packed))?;
+        reader.release(at..at + now);
+        at += now;
+        tell(at);
+    }
+    Statistics::join(accumulators.into_iter().map(Accumulator::finish).collect())
+}
+
+fn measured(reader: &Reader, intervals: bool, tell: &mut dyn FnMut(usize)) -> Result<Statistics> {
+    let options = Options {
+        counts: true,
+        frames: false,
+        intervals,
+        lags: vec![1, 4, 8, 16, 32],
+        split: Some((reader.readouts() / 2) as u32),
+        series_readouts: 0,
+        ..Options::default()
+    };
+    statistics(reader, &options, tell)
+}
+
+fn level(name: &str, light: f64, statistics: &Statistics) -> Level {
+    let Some(counts) = &statistics.counts else { unreachable!("counts are always measured") };
+    debug_assert!(counts.first.iter().zip(&counts.count).all(|(f, n)| (*f == NEVER) == (*n == 0)));
+    let mut level = Level::from_counts(
+        name,
+        light,
+        statistics.readouts,
+        counts.count.clone(),
+        &counts.first,
+        &counts.last,
+    );
+    if let Some(early) = &statistics.early_count {
+        level.drifting = check::drifting(&level, early);
+    }
+    level.noise = statistics.intervals.as_ref().map(|intervals| {
+        let of_pixel = |p: usize| {
+            let slope = intervals.decompose(Some(&[p])).per_spike.value;
+            slope * level.rate[p] * level.rate[p]
+        };
+        IntervalNoise { map: (0..intervals.len()).into_par_iter().map(of_pixel).collect() }
+    });
+    level
+}
+
+fn rate_map(folder: &Path, map: &RateMap, geometry: Geometry) -> Result<Level> {
+    let path = folder.join(&map.file);
+    let bytes = std::fs::read(&path).map_err(|e| Error::io(path.display(), e))?;
+    let wrong = |found: String| {
+        Error::new(Kind::Input, path.display()).found(found).expected(format_args!(
+            "a C-ordered .npy of f32 or f64, {} rows by {}",
+            geometry.height(),
+            geometry.width()
+        ))
+    };
+    let open = || npyz::NpyFile::new(&bytes[..]).map_err(|e| wrong(e.to_string()));
+    let npy = open()?;
+    let shape = npy.shape().to_vec();
+    if shape != [geometry.height() as u64, geometry.width() as u64] || npy.order() != npyz::Order::C {
+        return Err(wrong(format!("shape {shape:?}")));
+    }
+    let rate: Vec<f64> = match npy.into_vec::<f32>() {
+        Ok(values) => values.into_iter().map(f64::from).collect(),
+        Err(_) => open()?.into_vec::<f64>().map_err(|e| wrong(e.to_string()))?,
+    };
+    if let Some(bad) = rate.iter().find(|r| !(0.0..=1.0).contains(*r)) {
+        return Err(wrong(format!("a rate of {bad}")).remedy("rates are spikes per readout, 0 to 1"));
+    }
+    let readouts = map.readouts.unwrap_or(0);
+    let spikes = rate.iter().map(|r| (r * f64::from(readouts)).round() as u32).collect();
+    Ok(Level { name: map.file.clone(), light: map.light, readouts, spikes, rate, drifting: 0.0, noise: None })
+}

@@ -1,0 +1,226 @@
+//! What a calibration leaves behind: camera file, maps, JSON and a page.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use super::estimate::{Calibration, Redrawn};
+use super::observe::Observed;
+use super::population::Population;
+use crate::error::{Error, Kind, Result};
+use crate::measure::{Estimate, finite, median};
+use crate::report::{Curve, Part, Table, bars, heat_map, page as render};
+
+/// The files of a calibration.
+#[derive(Clone, Debug)]
+pub struct Files {
+    /// `camera.toml`, which `simulate` takes.
+    pub camera: PathBuf,
+    /// `calibration.json`.
+    pub json: PathBuf,
+    /// `report.html`.
+    pub report: PathBuf,
+}
+
+/// Adds what the recordings could and could not tell.
+pub(super) fn identify(
+    notes: &mut Vec<String>,
+    observed: &Observed,
+    population: &Population,
+    bias_share: Estimate,
+) {
+    let mut say = |text: String| notes.push(text);
+    say("Identified for every pixel: a and d, its charge per readout at full light and in the dark, in its own thresholds.".to_owned());
+    say("Not identified by any static recording: how a and d split into gain, dark current, capacitance and threshold voltage; the maps hold the posterior means, the whole spread of thresholds as one of voltages.".to_owned());
+    let phi = population.sigma_phi;
+    if phi.value > 2.0 * phi.error {
+        say(format!(
+            "The spread of thresholds over the population, {:.2} % +- {:.2} %, follows from the covariance of a and d if gains and dark currents are independent.",
+            100.0 * phi.value,
+            100.0 * phi.error
+        ));
+    } else {
+        say(format!(
+            "The spread of thresholds is not seen: below {:.2} % with 95 % confidence.",
+            100.0 * (phi.value + 2.0 * phi.error)
+        ));
+    }
+    let light = observed.levels.iter().filter(|l| l.light > 0.0).count();
+    say(format!(
+        "The scale of a is that of the {light} light levels given; an error common to all of them cannot be seen."
+    ));
+    if observed.levels.iter().all(|l| l.light > 0.0) {
+        say("Without a recording in the dark, d is an extrapolation, and threshold noise was not told from shot noise.".to_owned());
+    } else if bias_share.error.is_finite() {
+        say(format!(
+            "Of the rate that noise redrawn at every readout would add, {:.3} +- {:.3} was found (1: redrawn at every readout, 0: frozen from reset to reset).",
+            bias_share.value, bias_share.error
+        ));
+    }
+    if observed.others.is_empty() {
+        say("Static uniform scenes only: image lag, adaptation, crosstalk, supply droop and the clamp on stored charge could not be seen.".to_owned());
+    } else {
+        say(format!("Not used by this estimator: {}.", observed.others.join(", ")));
+    }
+}
+
+fn number(e: Estimate) -> serde_json::Value {
+    let part = |x: f64| if x.is_finite() { json!(x) } else { serde_json::Value::Null };
+    json!({ "value": part(e.value), "error": part(e.error) })
+}
+
+impl Calibration {
+    /// Everything but the maps, as JSON. Numbers that are not known are null.
+    #[must_use]
+    pub fn to_json(&self) -> serde_json::Value {
+        let p = &self.population;
+        json!({
+            "width": self.sensor.geometry.width(),
+            "height": self.sensor.geometry.height(),
+            "readout_hz": self.sensor.readout_hz,
+            "population": {
+                "mean_a": number(p.mean_a), "sd_a": number(p.sd_a),
+                "mean_d": number(p.mean_d), "sd_d": number(p.sd_d),
+                "covariance": number(p.covariance), "sigma_phi": number(p.sigma_phi),
+            },
+            "sigma_t": number(self.sigma_t),
+            "electrons_per_spike": number(self.electrons),
+            "dark_shot_noise": self.dark_shot,
+            "redraw": if self.redrawn == Redrawn::EveryReadout { "every-readout" } else { "every-reset" },
+            "bias_share": number(self.bias_share),
+            "lost_increment": self.lost_increment,
+            "chi2_per_freedom": self.chi2_per_freedom(),
+            "levels": self.levels.iter().map(|(l, e)| json!({"light": l, "deviation": number(*e)})).collect::<Vec<_>>(),
+            "dead": self.dead, "hot": self.hot, "misfits": self.misfits,
+            "notes": self.notes,
+        })
+    }
+
+    /// Median over the pixels of chi-square per degree of freedom; `None` without any.
+    #[must_use]
+    pub fn chi2_per_freedom(&self) -> Option<f64> {
+        let of = |f: &super::PixelFit| f.chi2 / f64::from(f.freedom);
+        let good = self.fits.iter().filter(|f| f.freedom > 0 && f.chi2.is_finite());
+        let mut all: Vec<f64> = good.map(of).collect();
+        (!all.is_empty()).then(|| median(&mut all))
+    }
+
+    fn maps(&self) -> [(&'static str, Vec<f64>); 6] {
+        let map = |f: fn(&super::PixelFit) -> f64| self.fits.iter().map(f).collect::<Vec<f64>>();
+        [
+            ("a", map(|f| f.a)),
+            ("a_error", map(|f| f.var_a.sqrt())),
+            ("d", map(|f| f.d)),
+            ("d_error", map(|f| f.var_d.sqrt())),
+            ("chi2", map(|f| f.chi2)),
+            ("threshold_sd", self.threshold.iter().map(|t| t[1]).collect()),
+        ]
+    }
+}
+
+/// Writes `camera.toml` with its maps, the maps of the fit, `calibration.json` and
+/// `report.html` into `folder`, which is created.
+///
+/// # Errors
+/// When a file exists and `force` is not set, or cannot be written.
+pub fn write(calibration: &Calibration, folder: &Path, force: bool) -> Result<Files> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
+    let put = |name: &str, bytes: &[u8]| crate::storage::write_small(&folder.join(name), bytes, force);
+    let saved = crate::presets::to_toml(&calibration.camera()?)?;
+    for (name, bytes) in &saved.maps {
+        put(name, bytes)?;
+    }
+    for (name, map) in calibration.maps() {
+        put(&format!("fit_{name}.npy"), &npy(&map, calibration.sensor.geometry.width())?)?;
+    }
+    put("camera.toml", saved.text.as_bytes())?;
+    let text = serde_json::to_string_pretty(&calibration.to_json());
+    put("calibration.json", text.map_err(|e| Error::new(Kind::Config, "calibration").found(e))?.as_bytes())?;
+    put("report.html", page(calibration)?.as_bytes())?;
+    Ok(Files {
+        camera: folder.join("camera.toml"),
+        json: folder.join("calibration.json"),
+        report: folder.join("report.html"),
+    })
+}
+
+fn npy(map: &[f64], width: usize) -> Result<Vec<u8>> {
+    use npyz::WriterBuilder;
+    let io = |e| Error::io("map", e);
+    let mut bytes = Vec::new();
+    let shape = [(map.len() / width) as u64, width as u64];
+    let mut writer =
+        npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut bytes).begin_nd().map_err(io)?;
+    writer.extend(map.iter().copied()).map_err(io)?;
+    writer.finish().map_err(io)?;
+    Ok(bytes)
+}
+
+/// The page of a calibration.
+///
+/// # Errors
+/// When a plot cannot be made.
+pub fn page(c: &Calibration) -> Result<String> {
+    let width = c.sensor.geometry.width();
+    let p = &c.population;
+    let mut table = Table::new(&["quantity", "value", "standard error"]);
+    let rows = [
+        ("mean gain a (thresholds per readout at full light)", p.mean_a),
+        ("PRNU: spread of a", p.sd_a),
+        ("mean dark rate d (thresholds per readout)", p.mean_d),
+        ("DSNU: spread of d", p.sd_d),
+        ("spread of thresholds", p.sigma_phi),
+        ("threshold noise, of the threshold", c.sigma_t),
+        ("electrons per spike", c.electrons),
+    ];
+    for (name, e) in rows {
+        table.row([name.to_owned(), format!("{:.6}", e.value), format!("{:.2e}", e.error)]);
+    }
+    let mut levels = Table::new(&["light given", "deviation found", "standard error"]);
+    for (light, e) in &c.levels {
+        levels.row([format!("{light:.5}"), format!("{:+.2e}", e.value), format!("{:.1e}", e.error)]);
+    }
+    let defects = format!(
+        "{} dead pixels, {} hot ones, {} whose levels do not lie on a line (fitted by least absolute deviations). Median chi-square per degree of freedom {}.",
+        c.dead.len(),
+        c.hot.len(),
+        c.misfits.len(),
+        c.chi2_per_freedom().map_or("unknown".to_owned(), |x| format!("{x:.3}"))
+    );
+    let [(_, a), _, (_, d), ..] = c.maps();
+    let histogram = |title: &str, map: &[f64]| -> Result<Part> {
+        let points = histogram(map);
+        let plot = bars(title, "thresholds per readout", &[Curve { name: "pixels", points }])?;
+        Ok(Part::figure(plot, "Between the 0.1th and the 99.9th percentile."))
+    };
+    let parts = [
+        Part::heading("Population"),
+        Part::Table(table),
+        Part::heading("What the recordings could and could not tell"),
+        Part::List { items: c.notes.clone() },
+        Part::heading("Defects"),
+        Part::text(defects),
+        Part::heading("Maps"),
+        Part::figure(heat_map(&a, width, "map of a")?, "Gain a, 1st to 99th percentile; red: unknown."),
+        Part::figure(heat_map(&d, width, "map of d")?, "Dark rate d, likewise."),
+        histogram("Gain a", &a)?,
+        histogram("Dark rate d", &d)?,
+        Part::heading("Light levels"),
+        Part::Table(levels),
+    ];
+    render("Calibration", &parts)
+}
+
+/// 60 bins between the 0.1th and the 99.9th percentile: centre and share.
+fn histogram(map: &[f64]) -> Vec<(f64, f64)> {
+    let mut sorted = finite(map);
+    sorted.sort_by(f64::total_cmp);
+    let at = |share: f64| sorted.get((share * sorted.len() as f64) as usize).copied().unwrap_or(0.0);
+    let (low, high) = (at(0.001), at(0.999));
+    let step = ((high - low) / 60.0).max(f64::MIN_POSITIVE);
+    let mut bins = [0.0; 60];
+    for x in sorted.iter().filter(|x| (low..high).contains(*x)) {
+        bins[(((x - low) / step) as usize).min(59)] += 1.0 / sorted.len() as f64;
+    }
+    bins.iter().enumerate().map(|(i, n)| (low + (i as f64 + 0.5) * step, *n)).collect()
+}

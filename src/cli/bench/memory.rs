@@ -1,0 +1,133 @@
+//! Kernels that write to memory: every backend, every noise set.
+
+use std::time::Duration;
+
+use spikelane::effects::find;
+use spikelane::kernels::{self, Batch, Job, Light, Samples, Segment};
+use spikelane::simulate::FrameRef;
+use spikelane::spikes::count;
+use spikelane::{Backend, Camera, Plan, Result, Seeds, Sensor, Simulator};
+
+use super::report::Row;
+use super::timing::rate;
+
+/// Readouts of a batch, and pixels of a tile, as the simulator has them.
+const BATCH: usize = 128;
+const TILE: usize = 4096;
+
+/// What a camera of the table has.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Noise {
+    Ideal,
+    Fixed,
+    Full,
+    FewElectrons,
+}
+
+impl Noise {
+    pub const ALL: [Self; 4] = [Self::Ideal, Self::Fixed, Self::Full, Self::FewElectrons];
+
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Ideal => "ideal",
+            Self::Fixed => "fixed pattern",
+            Self::Full => "full noise",
+            Self::FewElectrons => "full, few electrons",
+        }
+    }
+
+    /// A camera of 400x250 pixels with these effects at their typical strengths.
+    pub fn camera(self) -> Result<Camera> {
+        let typical = |name: &str| find(name).map(|d| d.typical());
+        let mut camera = Camera::ideal(Sensor::new(400, 250, 40_000.0)?).with(typical("start_phase")?);
+        if self == Self::Ideal {
+            return Ok(camera);
+        }
+        for name in ["saturation_clamp", "prnu", "dark_current", "bias_voltage"] {
+            camera = camera.with(typical(name)?);
+        }
+        if self == Self::Fixed {
+            return Ok(camera);
+        }
+        let thermal = typical("thermal_noise")?.with_text("redraw", "every-readout")?;
+        camera = camera.with(typical("shot_noise")?).with(thermal);
+        if self == Self::FewElectrons {
+            let dark = typical("dark_current")?.with("mean", 0.1)?.with("sigma", 0.02)?;
+            camera = camera.with(typical("dark_shot_noise")?).with(dark);
+        }
+        Ok(camera)
+    }
+
+    fn level(self) -> usize {
+        if self == Self::FewElectrons { 0 } else { 60 }
+    }
+}
+
+/// Frames of 100,000 pixels that differ from pixel to pixel and from frame to frame.
+pub fn frames(noise: Noise, count: usize) -> Vec<Vec<u8>> {
+    let level = noise.level();
+    let spread = if level == 0 { 1 } else { 40 };
+    (0..count).map(|t| (0..100_000).map(|p| (level + (p * 7 + t * 13) % spread) as u8).collect()).collect()
+}
+
+/// One thread, from the kernel's own door: `held` light or a new frame at every readout.
+pub fn kernel(
+    backend: Backend,
+    noise: Noise,
+    frames: &[Vec<u8>],
+    held: bool,
+    budget: Duration,
+) -> Result<Row> {
+    let plan = Plan::new(&noise.camera()?, Seeds::default())?;
+    let mut state = plan.start();
+    let mut out = vec![0; BATCH * TILE / 8];
+    let (readouts, pixels) = (frames.len(), plan.geometry().pixels());
+    let segments: Vec<Segment<'_>> = if held {
+        let light = Light::Held(Samples::U8(&frames[0]));
+        (0..readouts / BATCH).map(|_| Segment { readouts: BATCH, light }).collect()
+    } else {
+        frames.iter().map(|f| Segment { readouts: 1, light: Light::Held(Samples::U8(f)) }).collect()
+    };
+    let per_batch = if held { 1 } else { BATCH };
+    let mut first = 0;
+    let speed = rate(budget, (readouts * pixels) as f64, || {
+        for segments in segments.chunks(per_batch) {
+            let batch = Batch::new(&plan, first, segments);
+            first += batch.readouts() as u64;
+            for (i, part) in state.tiles(TILE).iter_mut().enumerate() {
+                let job = Job::new(&plan, &batch, i * TILE, TILE);
+                kernels::run(backend, &job, part, &mut out[..BATCH * job.tile_bytes()]);
+            }
+        }
+    });
+    let light = if held { "held" } else { "new frame" };
+    Ok(Row::new("kernel", backend.name(), noise.name(), light, 1, speed))
+}
+
+/// Whole packed frames in memory, by the simulator, on `threads` threads.
+pub fn simulator(noise: Noise, threads: usize, budget: Duration) -> Result<Row> {
+    let mut simulator = Simulator::new(&noise.camera()?, Seeds::default())?.with_threads(threads)?;
+    let geometry = simulator.plan().geometry();
+    let light = frames(noise, 1);
+    let mut packed = vec![0; 2 * BATCH * geometry.frame_bytes()];
+    let mut failed = None;
+    let work = (2 * BATCH * geometry.pixels()) as f64;
+    let speed = rate(budget, work, || {
+        let pushed = simulator.push(FrameRef::u8(&light[0], geometry), &mut packed);
+        failed = pushed.err().or(failed.take());
+    });
+    std::hint::black_box(count(&packed));
+    let backend = simulator.backend().name();
+    failed.map_or(Ok(()), Err)?;
+    Ok(Row::new("frames in memory", backend, noise.name(), "held", threads, speed))
+}
+
+/// The plain loop.
+pub fn scalar(budget: Duration) -> Row {
+    let light = frames(Noise::Full, 1);
+    let mut plain = super::scalar::Loop::new(light[0].len());
+    let mut packed = vec![0; light[0].len().div_ceil(8)];
+    let speed = rate(budget, light[0].len() as f64, || plain.readout(&light[0], &mut packed));
+    std::hint::black_box(count(&packed));
+    Row::new("plain f32 loop", "scalar", Noise::Full.name(), "held", 1, speed)
+}

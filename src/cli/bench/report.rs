@@ -1,0 +1,166 @@
+//! The results as a table, as JSON, and as a page of the documentation.
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::process::Command;
+use std::time::SystemTime;
+
+use serde_json::{Value, json};
+use spikelane::{Error, Result};
+
+/// What follows this line in a page is kept when the page is written again.
+const MARKER: &str = "<!-- kept: what follows is written by hand -->";
+
+/// Pixel-readouts per second that a camera of this size and rate produces.
+const CAMERAS: [(&str, f64); 3] =
+    [("400x250 at 20 kHz", 2.0), ("400x250 at 40 kHz", 4.0), ("1000x1000 at 20 kHz", 20.0)];
+
+/// One measured case.
+pub struct Row {
+    pub what: &'static str,
+    pub backend: &'static str,
+    pub noise: &'static str,
+    pub light: &'static str,
+    pub threads: usize,
+    /// 10^9 pixel-readouts per second.
+    pub speed: f64,
+}
+
+impl Row {
+    pub fn new(
+        what: &'static str,
+        backend: &'static str,
+        noise: &'static str,
+        light: &'static str,
+        threads: usize,
+        speed: f64,
+    ) -> Self {
+        Self { what, backend, noise, light, threads, speed: speed / 1e9 }
+    }
+}
+
+/// One number with its unit.
+pub struct Fact {
+    pub name: String,
+    pub value: f64,
+    pub unit: &'static str,
+}
+
+/// Where and with what it was measured.
+pub struct Machine {
+    date: String,
+    cpu: String,
+    threads: usize,
+    compiler: String,
+    commit: String,
+    lanes: &'static str,
+}
+
+impl Machine {
+    pub fn here() -> Self {
+        let cpu = std::fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| model(&text));
+        Self {
+            date: date(),
+            cpu: cpu.unwrap_or_else(|| std::env::consts::ARCH.to_owned()),
+            threads: std::thread::available_parallelism().map_or(1, usize::from),
+            compiler: said(Command::new("rustc").arg("--version")),
+            commit: said(Command::new("git").args(["describe", "--always", "--dirty"])),
+            lanes: if cfg!(target_feature = "avx2") { "built for this CPU" } else { "default build" },
+        }
+    }
+}
+
+fn model(cpuinfo: &str) -> Option<String> {
+    let field = |name: &str| {
+        let line = cpuinfo.lines().find(|l| l.starts_with(name))?;
+        Some(line.split_once(':')?.1.trim().to_owned())
+    };
+    let number = |name: &str| field(name).unwrap_or_default();
+    Some(format!("{} (family {}, model {})", field("model name")?, number("cpu family"), number("model\t")))
+}
+
+fn said(command: &mut Command) -> String {
+    let output = command.output().ok().filter(|o| o.status.success());
+    let text = output.map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned());
+    text.filter(|t| !t.is_empty()).unwrap_or_else(|| "unknown".to_owned())
+}
+
+/// Today in UTC, as year-month-day.
+fn date() -> String {
+    let seconds = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs());
+    // Days to a date of the Gregorian calendar, in years that begin in March.
+    let days = seconds / 86_400 + 719_468;
+    let (era, day) = (days / 146_097, days % 146_097);
+    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
+    let day = day - (365 * year + year / 4 - year / 100);
+    let month = (5 * day + 2) / 153;
+    let date = day - (153 * month + 2) / 5 + 1;
+    let month = if month < 10 { month + 3 } else { month - 9 };
+    let year = year + era * 400 + u64::from(month <= 2);
+    format!("{year}-{month:02}-{date:02}")
+}
+
+/// Everything that was measured.
+pub struct Report {
+    pub machine: Machine,
+    pub rows: Vec<Row>,
+    pub facts: Vec<Fact>,
+}
+
+impl Report {
+    fn scalar(&self) -> f64 {
+        self.rows.iter().find(|r| r.backend == "scalar").map_or(f64::NAN, |r| r.speed)
+    }
+
+    /// The tables, as Markdown, which reads well in a terminal too.
+    pub fn text(&self) -> String {
+        let m = &self.machine;
+        let mut text = format!(
+            "Measured on {}: {}, {} threads; {}; commit {}; portable lanes: {}.\n\n",
+            m.date, m.cpu, m.threads, m.compiler, m.commit, m.lanes
+        );
+        text += "| work | backend | noise | light | threads | Gpixel-readouts/s | x plain loop | ";
+        text += "real time 400x250@20k | @40k | 1000x1000@20k |\n|---|---|---|---|--:|--:|--:|--:|--:|--:|\n";
+        for r in &self.rows {
+            let times = r.speed / self.scalar();
+            let _ = write!(text, "| {} | {} | {} | {} | {} ", r.what, r.backend, r.noise, r.light, r.threads);
+            let _ = write!(text, "| {:.3} | {times:.1} ", r.speed);
+            for (_, needed) in CAMERAS {
+                let _ = write!(text, "| {:.2} ", r.speed / needed);
+            }
+            text += "|\n";
+        }
+        text += "\n| also measured | value | unit |\n|---|--:|---|\n";
+        for f in &self.facts {
+            let _ = writeln!(text, "| {} | {:.3} | {} |", f.name, f.value, f.unit);
+        }
+        text
+    }
+
+    pub fn json(&self) -> Value {
+        let row = |r: &Row| {
+            let real = |(name, needed): (&str, f64)| (name.to_owned(), json!(r.speed / needed));
+            let real: serde_json::Map<_, _> = CAMERAS.map(real).into_iter().collect();
+            json!({"work": r.what, "backend": r.backend, "noise": r.noise, "light": r.light,
+                "threads": r.threads, "gpixel_readouts_per_s": r.speed,
+                "times_scalar": r.speed / self.scalar(), "real_time": real})
+        };
+        let fact = |f: &Fact| json!({"name": f.name, "value": f.value, "unit": f.unit});
+        let m = &self.machine;
+        json!({"date": m.date, "cpu": m.cpu, "threads": m.threads, "compiler": m.compiler,
+            "commit": m.commit, "portable": m.lanes,
+            "speeds": self.rows.iter().map(row).collect::<Vec<_>>(),
+            "facts": self.facts.iter().map(fact).collect::<Vec<_>>()})
+    }
+
+    /// Writes the page, keeping what was written by hand behind the marker.
+    pub fn write_page(&self, path: &Path) -> Result<()> {
+        let old = std::fs::read_to_string(path).unwrap_or_default();
+        let kept = old.split_once(MARKER).map_or("\n", |(_, kept)| kept);
+        let page = format!(
+            "# Performance\n\nWritten by `spikelane bench --markdown docs/performance.md`.\n\n{}\n{MARKER}{kept}",
+            self.text()
+        );
+        std::fs::write(path, page).map_err(|e| Error::io(path.display(), e))
+    }
+}

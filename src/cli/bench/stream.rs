@@ -1,0 +1,182 @@
+//! What a pipeline does with a stream: write it, read it, unpack it, look at it.
+
+use std::hint::black_box;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
+use spikelane::formats::{Codec, Layout, Reader, StreamWriter, convert};
+use spikelane::measure::{Accumulator, Options};
+use spikelane::reconstruct::{tfi, tfp};
+use spikelane::simulate::FrameRef;
+use spikelane::spikes::{Geometry, Packed};
+use spikelane::{Error, Kind, Result, Seeds, Simulator};
+
+use super::memory::{Noise, frames};
+use super::report::{Fact, Row};
+use super::timing::rate;
+
+/// Readouts that go from the simulator to the writer at once.
+const STEP: usize = 256;
+
+/// A file that is removed when it is no longer needed.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn new(directory: &Path, name: &str) -> Self {
+        Self(directory.join(format!(".spikelane-bench-{}-{name}.dat", std::process::id())))
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // What cannot be removed was probably never made.
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+/// Full noise into a fresh mapped file: everything but the final sync, which is a fact of its own.
+pub fn to_file(directory: &Path, threads: usize, readouts: usize, facts: &mut Vec<Fact>) -> Result<Row> {
+    let file = Scratch::new(directory, "write");
+    let begin = Instant::now();
+    let mut simulator = Simulator::new(&Noise::Full.camera()?, Seeds::default())?.with_threads(threads)?;
+    let geometry = simulator.plan().geometry();
+    let backend = simulator.backend().name();
+    let light = frames(Noise::Full, 1);
+    let mut writer = StreamWriter::create(&file.0, Layout::DatTop, geometry, readouts as u64, true)?;
+    if threads == 1 {
+        let mut packed = vec![0; STEP * geometry.frame_bytes()];
+        for first in (0..readouts).step_by(STEP) {
+            let packed = &mut packed[..STEP.min(readouts - first) * geometry.frame_bytes()];
+            simulator.push(FrameRef::u8(&light[0], geometry), packed)?;
+            writer.write_frames(first as u64, packed)?;
+        }
+    } else {
+        writer = beside(&mut simulator, &light[0], writer, readouts)?;
+    }
+    let before_sync = begin.elapsed();
+    let done = writer.finish()?;
+    let after = begin.elapsed().saturating_sub(before_sync);
+    facts.push(Fact {
+        name: format!("sync and rename of {} MB, {threads} threads", done.bytes / 1_000_000),
+        value: after.as_secs_f64(),
+        unit: "s",
+    });
+    let speed = (readouts * geometry.pixels()) as f64 / before_sync.as_secs_f64();
+    Ok(Row::new("fresh mapped file", backend, Noise::Full.name(), "held", threads, speed))
+}
+
+/// The writer works on one buffer while the simulator fills the next.
+fn beside(
+    simulator: &mut Simulator,
+    light: &[u8],
+    mut writer: StreamWriter,
+    readouts: usize,
+) -> Result<StreamWriter> {
+    let geometry = simulator.plan().geometry();
+    let (full_to, full) = mpsc::sync_channel::<(usize, Vec<u8>)>(1);
+    let (empty_to, empty) = mpsc::channel();
+    for _ in 0..3 {
+        let _ = empty_to.send(Vec::new());
+    }
+    std::thread::scope(|scope| {
+        let writing = scope.spawn(move || {
+            for (first, packed) in full {
+                writer.write_frames(first as u64, &packed)?;
+                // The simulator may have ended already.
+                let _ = empty_to.send(packed);
+            }
+            Ok(writer)
+        });
+        for first in (0..readouts).step_by(STEP) {
+            // No buffer comes back from a writer that failed; its error follows.
+            let Ok(mut packed) = empty.recv() else { break };
+            packed.resize(STEP.min(readouts - first) * geometry.frame_bytes(), 0);
+            simulator.push(FrameRef::u8(light, geometry), &mut packed)?;
+            if full_to.send((first, packed)).is_err() {
+                break;
+            }
+        }
+        drop(full_to);
+        writing.join().unwrap_or_else(|_| Err(Error::new(Kind::Io, "writer").found("a thread that ended")))
+    })
+}
+
+/// Speeds of what follows a simulation, on `readouts` readouts of 400x250 pixels.
+pub fn downstream(directory: &Path, readouts: usize, budget: Duration) -> Result<Vec<Fact>> {
+    let mut simulator = Simulator::new(&Noise::Full.camera()?, Seeds::default())?;
+    let geometry = simulator.plan().geometry();
+    let mut stream = vec![0; readouts * geometry.frame_bytes()];
+    simulator.push(FrameRef::u8(&frames(Noise::Full, 1)[0], geometry), &mut stream)?;
+    let file = Scratch::new(directory, "read");
+    let mut writer = StreamWriter::create(&file.0, Layout::Dat, geometry, readouts as u64, true)?;
+    writer.write_frames(0, &stream)?;
+    writer.finish()?;
+    let work = (readouts * geometry.pixels()) as f64;
+    let mut facts = Vec::new();
+    let mut add = |name: &str, value: f64, unit| facts.push(Fact { name: name.to_owned(), value, unit });
+    let speed = reading(&file.0, geometry, readouts, work, budget)?;
+    add("reading a dat file into packed frames", speed / 1e9, "Gpixel-readouts/s");
+    let codec = Codec::new(Layout::NpyBytes, geometry)?;
+    let some = &stream[..readouts.min(64) * geometry.frame_bytes()];
+    let mut bytes = vec![0; readouts.min(64) * geometry.pixels()];
+    let mut result = Ok(());
+    let speed = rate(budget, bytes.len() as f64, || result = codec.encode(some, &mut bytes));
+    result?;
+    black_box(&bytes);
+    add("unpacking to a byte a pixel", speed / 1e9, "Gpixel-readouts/s");
+    let packed = Packed::new(geometry, &stream)?;
+    let mut result = Ok(Vec::new());
+    let speed = rate(budget, 1.0, || result = tfp(packed, readouts / 2, 16));
+    black_box(result?);
+    add("TFP over 33 readouts", speed, "images/s");
+    let mut result = Ok(Vec::new());
+    let speed = rate(budget, 1.0, || result = tfi(packed, readouts / 2, 256));
+    black_box(result?);
+    add("TFI within 256 readouts", speed, "images/s");
+    let speed = conversion(directory, &file.0, geometry, readouts, work)?;
+    add("conversion dat to rows416, synced", speed / 1e9, "Gpixel-readouts/s");
+    let speed = counting(packed, work, budget)?;
+    add("counting spikes per pixel", speed / 1e9, "Gpixel-readouts/s");
+    Ok(facts)
+}
+
+fn reading(path: &Path, geometry: Geometry, readouts: usize, work: f64, budget: Duration) -> Result<f64> {
+    let reader = Reader::open(path, Some(Layout::Dat), Some(geometry))?;
+    let mut packed = vec![0; 64 * geometry.frame_bytes()];
+    let mut result = Ok(());
+    let speed = rate(budget, work, || {
+        for first in (0..readouts).step_by(64) {
+            let packed = &mut packed[..64.min(readouts - first) * geometry.frame_bytes()];
+            result = std::mem::replace(&mut result, Ok(())).and_then(|()| reader.read_frames(first, packed));
+        }
+    });
+    result?;
+    black_box(&packed);
+    Ok(speed)
+}
+
+fn conversion(directory: &Path, path: &Path, geometry: Geometry, readouts: usize, work: f64) -> Result<f64> {
+    let file = Scratch::new(directory, "convert");
+    let reader = Reader::open(path, Some(Layout::Dat), Some(geometry))?;
+    let begin = Instant::now();
+    let writer = StreamWriter::create(&file.0, Layout::Rows416, geometry, readouts as u64, true)?;
+    convert(&reader, 0..readouts, None, writer, |_| Ok(()))?;
+    Ok(work / begin.elapsed().as_secs_f64())
+}
+
+fn counting(packed: Packed<'_>, work: f64, budget: Duration) -> Result<f64> {
+    let options =
+        Options { counts: true, frames: false, halves: false, intervals: false, ..Options::default() };
+    let mut result = Ok(());
+    let speed = rate(budget, work, || {
+        let counted = Accumulator::new(packed.geometry(), &options).and_then(|mut a| {
+            a.push(packed)?;
+            black_box(a.finish());
+            Ok(())
+        });
+        result = counted;
+    });
+    result?;
+    Ok(speed)
+}

@@ -1,0 +1,274 @@
+//! Against a measured set of grey levels: the figure with which the SCSim paper makes its case.
+
+use serde::Serialize;
+
+use crate::calibrate::{RecordingSet, statistics};
+use crate::draws::Seeds;
+use crate::effects::Camera;
+use crate::error::{Error, Kind, Result};
+use crate::measure::{Accumulator, Options, Statistics};
+use crate::report::{Curve, Part, Table, bars, curves, page};
+use crate::simulate::{FrameRef, Simulator};
+use crate::spikes::Packed;
+
+/// Grey levels whose interval histograms are compared, as the paper does.
+const GREYS: [f64; 4] = [0.0, 120.0, 180.0, 240.0];
+
+/// Longest interval with a bin of its own: dark pixels need long ones.
+const LONGEST: u32 = 1023;
+
+/// One camera's response and histograms, and how far it is from the measured one.
+#[derive(Clone, Debug, Serialize)]
+pub struct CameraDistance {
+    /// Name.
+    pub name: String,
+    /// Mean spikes per readout at each level.
+    pub response: Vec<f64>,
+    /// Interval histograms (shares by length) at the compared levels.
+    pub histograms: Vec<Vec<f64>>,
+    /// Root mean square of the response's difference, spikes per readout.
+    pub response_distance: f64,
+    /// Half the sum of absolute differences of each histogram, 0 to 1 (total variation).
+    pub histogram_distance: Vec<f64>,
+}
+
+/// A measured set and models.
+#[derive(Clone, Debug, Serialize)]
+pub struct GreyComparison {
+    /// Light levels, rising.
+    pub lights: Vec<f64>,
+    /// Levels of the histograms: those of the set nearest to grey 0, 120, 180, 240.
+    pub histogram_lights: Vec<f64>,
+    /// The measured camera.
+    pub measured: CameraDistance,
+    /// The distances between the two halves of the measured recordings: what noise alone makes.
+    pub floor: (f64, Vec<f64>),
+    /// The models, nearest response first.
+    pub models: Vec<CameraDistance>,
+}
+
+/// One camera's pass over the levels.
+struct Pass {
+    response: Vec<f64>,
+    histograms: Vec<Vec<f64>>,
+}
+
+/// Compares `cameras` with the uniform levels of `set`, each simulated for as many readouts as measured,
+/// at most `longest`.
+///
+/// # Errors
+/// When a recording cannot be read, or fewer than two uniform levels are there.
+pub fn grey_levels(
+    set: &RecordingSet,
+    cameras: &[Camera],
+    seeds: Seeds,
+    longest: usize,
+) -> Result<GreyComparison> {
+    let mut levels: Vec<_> = set.recordings.iter().filter_map(|r| Some((r.light.level()?, r))).collect();
+    levels.sort_by(|a, b| a.0.total_cmp(&b.0));
+    if levels.len() < 2 {
+        return Err(Error::new(Kind::Input, "recording set")
+            .found(format_args!("{} uniform levels", levels.len()))
+            .expected("two or more; grey 0, 120, 180 and 240 for the histograms"));
+    }
+    let lights: Vec<f64> = levels.iter().map(|l| l.0).collect();
+    let chosen = nearest(&lights);
+    let mut own = Pass { response: Vec::new(), histograms: Vec::new() };
+    let mut lengths = Vec::new();
+    let mut floor = (0.0, Vec::new());
+    for (k, (_, recording)) in levels.iter().enumerate() {
+        let reader = set.reader(recording)?;
+        lengths.push(reader.readouts().min(longest));
+        let found = statistics(&reader, &options(chosen.contains(&k), reader.readouts()), &mut |_| {})?;
+        floor.0 += halves(&found).powi(2) / lights.len() as f64;
+        own.add(&found);
+    }
+    floor.0 = floor.0.sqrt();
+    for k in &chosen {
+        floor.1.push(half_histograms(set, levels[*k].1)?);
+    }
+    let distance = |name: &str, pass: Pass, own: &Pass| distance(name, pass, own);
+    let mut models = Vec::new();
+    for camera in cameras {
+        let pass = simulate(set, camera, &lights, &lengths, &chosen, seeds)?;
+        models.push(distance(&camera.name, pass, &own));
+    }
+    models.sort_by(|a, b| a.response_distance.total_cmp(&b.response_distance));
+    let same = Pass { response: own.response.clone(), histograms: own.histograms.clone() };
+    let measured = distance("measured", same, &own);
+    Ok(GreyComparison {
+        histogram_lights: chosen.iter().map(|k| lights[*k]).collect(),
+        lights,
+        measured,
+        floor,
+        models,
+    })
+}
+
+fn options(intervals: bool, readouts: usize) -> Options {
+    Options {
+        frames: false,
+        intervals,
+        lags: vec![1],
+        longest_bin: LONGEST,
+        split: Some((readouts / 2) as u32),
+        series_readouts: 0,
+        ..Options::default()
+    }
+}
+
+fn nearest(lights: &[f64]) -> Vec<usize> {
+    let of = |grey: f64| {
+        let distance = |k: &usize| (lights[*k] - grey / 255.0).abs();
+        (0..lights.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
+    };
+    let mut chosen: Vec<usize> = GREYS.into_iter().map(of).collect();
+    chosen.dedup();
+    chosen
+}
+
+fn total(counts: &[u32]) -> f64 {
+    counts.iter().map(|n| f64::from(*n)).sum()
+}
+
+/// Difference of the mean rates of the two halves.
+fn halves(statistics: &Statistics) -> f64 {
+    let (Some(counts), Some(early)) = (&statistics.counts, &statistics.early_count) else { return 0.0 };
+    let split = f64::from(statistics.readouts / 2);
+    let late = f64::from(statistics.readouts) - split;
+    let (e, all) = (total(early), total(&counts.count));
+    (e / split - (all - e) / late) / counts.count.len() as f64
+}
+
+/// Total variation between the histograms of the two halves of a recording.
+fn half_histograms(set: &RecordingSet, recording: &crate::calibrate::Recording) -> Result<f64> {
+    let reader = set.reader(recording)?;
+    let middle = reader.readouts() / 2;
+    let half = |range: std::ops::Range<usize>| -> Result<Vec<f64>> {
+        let mut accumulator = Accumulator::new(reader.geometry(), &options(true, range.len()))?;
+        let mut frame = vec![0; reader.geometry().frame_bytes()];
+        for i in range {
+            reader.read_frame(i, &mut frame)?;
+            accumulator.push(Packed::new(reader.geometry(), &frame)?)?;
+        }
+        Ok(histogram(&accumulator.finish()))
+    };
+    Ok(variation(&half(0..middle)?, &half(middle..reader.readouts())?))
+}
+
+fn histogram(statistics: &Statistics) -> Vec<f64> {
+    let Some(intervals) = &statistics.intervals else { return Vec::new() };
+    let counts = intervals.lengths().counts();
+    let all = counts.iter().sum::<u64>().max(1) as f64;
+    counts.iter().map(|n| *n as f64 / all).collect()
+}
+
+fn variation(a: &[f64], b: &[f64]) -> f64 {
+    0.5 * a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>()
+}
+
+impl Pass {
+    fn add(&mut self, statistics: &Statistics) {
+        if let Some(counts) = &statistics.counts {
+            let bits = counts.count.len() as f64 * f64::from(statistics.readouts);
+            self.response.push(total(&counts.count) / bits);
+        }
+        if statistics.intervals.is_some() {
+            self.histograms.push(histogram(statistics));
+        }
+    }
+}
+
+fn distance(name: &str, pass: Pass, own: &Pass) -> CameraDistance {
+    let square = |(a, b): (&f64, &f64)| (a - b).powi(2);
+    let sum: f64 = pass.response.iter().zip(&own.response).map(square).sum();
+    CameraDistance {
+        name: name.to_owned(),
+        response_distance: (sum / own.response.len() as f64).sqrt(),
+        histogram_distance: pass
+            .histograms
+            .iter()
+            .zip(&own.histograms)
+            .map(|(a, b)| variation(a, b))
+            .collect(),
+        response: pass.response,
+        histograms: pass.histograms,
+    }
+}
+
+fn simulate(
+    set: &RecordingSet,
+    camera: &Camera,
+    lights: &[f64],
+    lengths: &[usize],
+    chosen: &[usize],
+    seeds: Seeds,
+) -> Result<Pass> {
+    let geometry = set.geometry()?;
+    let mut camera = camera.clone();
+    camera.sensor.geometry = geometry;
+    let mut pass = Pass { response: Vec::new(), histograms: Vec::new() };
+    for (k, (light, readouts)) in lights.iter().zip(lengths).enumerate() {
+        let seeds = Seeds { sequence: seeds.sequence + k as u64, ..seeds };
+        let mut simulator = Simulator::new(&camera, seeds)?.with_threads(rayon::current_num_threads())?;
+        let samples = vec![*light as f32; geometry.pixels()];
+        let mut accumulator = Accumulator::new(geometry, &options(chosen.contains(&k), *readouts))?;
+        let mut bits = vec![0; 496 * geometry.frame_bytes()];
+        let mut left = *readouts;
+        while left > 0 {
+            let now = left.min(496);
+            let out = &mut bits[..now * geometry.frame_bytes()];
+            simulator.push(FrameRef::f32(&samples, geometry), out)?;
+            accumulator.push(Packed::new(geometry, out)?)?;
+            left -= now;
+        }
+        pass.add(&accumulator.finish());
+    }
+    Ok(pass)
+}
+
+impl GreyComparison {
+    /// The page of this comparison, with the response curves and the histograms.
+    ///
+    /// # Errors
+    /// When a plot cannot be made.
+    pub fn page(&self) -> Result<String> {
+        let all = || std::iter::once(&self.measured).chain(&self.models);
+        let response =
+            |c: &CameraDistance| self.lights.iter().map(|l| l * 255.0).zip(c.response.clone()).collect();
+        let lines: Vec<Curve<'_>> = all().map(|c| Curve { name: &c.name, points: response(c) }).collect();
+        let mut table =
+            Table::new(&["camera", "response (rms, spikes per readout)", "histograms (total variation)"]);
+        let cells = |d: &[f64]| d.iter().map(|x| format!("{x:.4}")).collect::<Vec<_>>().join(", ");
+        for c in &self.models {
+            table.row([c.name.clone(), format!("{:.5}", c.response_distance), cells(&c.histogram_distance)]);
+        }
+        table.row([
+            "noise floor (two halves of the measured set)".to_owned(),
+            format!("{:.6}", self.floor.0),
+            cells(&self.floor.1),
+        ]);
+        let mut parts = vec![
+            Part::Table(table),
+            Part::figure(
+                curves("Mean spikes per readout", "grey level", "spikes per readout", &lines)?,
+                "Response over grey level.",
+            ),
+        ];
+        for (i, light) in self.histogram_lights.iter().enumerate() {
+            let longest =
+                all().filter_map(|c| c.histograms.get(i)?.iter().rposition(|s| *s > 1e-3)).max().unwrap_or(1);
+            let points = |c: &CameraDistance| -> Vec<(f64, f64)> {
+                let shares = c.histograms.get(i).into_iter().flatten().take(longest + 2);
+                shares.enumerate().map(|(n, s)| (n as f64, *s)).collect()
+            };
+            let lines: Vec<Curve<'_>> = all().map(|c| Curve { name: &c.name, points: points(c) }).collect();
+            let title = format!("Intervals at grey {:.0}", light * 255.0);
+            parts.push(Part::figure(
+                bars(&title, "interval in readouts", &lines)?,
+                "Share of intervals by length.",
+            ));
+        }
+        page("Comparison with a measured camera", &parts)
+    }
+}

@@ -1,0 +1,14 @@
+//! Simulated cameras against a measured one.
+//!
+//! [`grey_levels`] compares the response over uniform levels and the interval histograms of
+//! single levels; [`static_scene`] compares temporal noise with one recording of an unknown
+//! static scene.
+
+mod grey;
+mod scene;
+
+pub use grey::{CameraDistance, GreyComparison, grey_levels};
+pub use scene::{SceneComparison, SceneRow, static_scene};
+
+/// The models that the paper compares, and this crate's own.
+pub const MODELS: [&str; 6] = ["scsim-code", "scsim-paper", "neuspike", "spikingsim", "spcs", "physical"];

@@ -1,0 +1,92 @@
+//! Every video and every folder of images below a folder.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::draws::Stream;
+use crate::error::{Error, Kind, Result};
+use crate::light::picture;
+
+/// Endings of files that hold many frames.
+const MOVING: [&str; 19] = [
+    "mp4", "mkv", "mov", "avi", "webm", "m4v", "mpg", "mpeg", "ts", "mts", "wmv", "flv", "ogv", "3gp", "gif",
+    "mxf", "y4m", "npy", "npz",
+];
+
+/// Something that becomes a sequence.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Input {
+    /// Name of the sequence: from the path, unique.
+    pub id: String,
+    /// Path below the folder that was searched.
+    pub path: PathBuf,
+    /// Frames, when a look at the folder tells.
+    pub frames: Option<u64>,
+}
+
+/// Finds them in the order of their paths; links to folders are not followed, hidden
+/// entries and the folder `except` (the output, if it lies below) are passed over.
+///
+/// # Errors
+/// [`Kind::Io`] when a folder cannot be listed; [`Kind::Input`] when nothing is found.
+pub fn inputs(folder: &Path, except: &Path) -> Result<Vec<Input>> {
+    let mut found = BTreeMap::new();
+    let except = fs::canonicalize(except).ok();
+    search(folder, folder, except.as_deref(), &mut found)?;
+    if found.is_empty() {
+        return Err(Error::new(Kind::Input, folder.display())
+            .found("neither a video nor a folder of images")
+            .expected("at least one"));
+    }
+    Ok(found.into_iter().map(|(path, frames)| Input { id: id(&path), path, frames }).collect())
+}
+
+/// Readable and unique: the path's letters, and a hash of the whole of it.
+fn id(path: &Path) -> String {
+    let text = path.to_string_lossy();
+    let plain: String =
+        text.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).take(60).collect();
+    let plain = plain.trim_matches('-');
+    let name = if plain.is_empty() { "root" } else { plain };
+    format!("{name}-{:08x}", Stream::named(&text).id() as u32)
+}
+
+fn search(
+    root: &Path,
+    folder: &Path,
+    except: Option<&Path>,
+    found: &mut BTreeMap<PathBuf, Option<u64>>,
+) -> Result<()> {
+    let refused = |e| Error::io(folder.display(), e);
+    let mut pictures = 0;
+    for entry in fs::read_dir(folder).map_err(refused)? {
+        let entry = entry.map_err(refused)?;
+        let (path, kind) = (entry.path(), entry.file_type().map_err(refused)?);
+        if entry.file_name().to_string_lossy().starts_with('.') {
+            continue;
+        }
+        if kind.is_dir() {
+            if fs::canonicalize(&path).ok().as_deref() != except {
+                search(root, &path, except, found)?;
+            }
+        } else if picture::is_picture(&path) {
+            pictures += 1;
+        } else if is_moving(&path) {
+            found.insert(below(root, &path), None);
+        }
+    }
+    if pictures > 0 {
+        found.insert(below(root, folder), Some(pictures));
+    }
+    Ok(())
+}
+
+fn below(root: &Path, path: &Path) -> PathBuf {
+    path.strip_prefix(root).unwrap_or(path).to_owned()
+}
+
+fn is_moving(path: &Path) -> bool {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    ending.is_some_and(|e| MOVING.contains(&e.as_str()))
+}

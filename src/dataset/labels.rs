@@ -1,0 +1,89 @@
+//! Labels of one sequence, each naming its readout.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use crate::error::{Error, Kind, Result};
+use crate::scene::{Camera, Flow, KeyPlan, Labels, Scene, VehicleBox, labels};
+
+/// Writes a file into a folder that gets its name only when it is complete.
+pub(super) fn write(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
+    let path = folder.join(name);
+    fs::write(&path, bytes).map_err(|e| Error::io(path.display(), e))
+}
+
+/// Writes labels of every `every`th readout into `folder`; returns the labelled readouts.
+///
+/// Flow leads to the next labelled readout (forward) and to the previous one (backward).
+pub(super) fn write_all(
+    scene: &Scene,
+    plan: &KeyPlan,
+    every: usize,
+    folder: &Path,
+    threads: usize,
+    watch: &mut dyn FnMut() -> Result<()>,
+) -> Result<Vec<usize>> {
+    fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
+    let readouts: Vec<usize> = (0..plan.readouts.len()).step_by(every).collect();
+    let mut coco = labels::Coco::default();
+    let mut frames = Vec::new();
+    let mut before: Option<(usize, Labels)> = None;
+    for &readout in &readouts {
+        watch()?;
+        let now = scene.labels(plan.readouts[readout], threads)?;
+        let boxes = scene.boxes(&now)?;
+        let stem = format!("{readout:06}");
+        maps(folder, &stem, &now)?;
+        write(folder, &format!("{stem}.kitti.txt"), labels::kitti_text(&boxes, 1).as_bytes())?;
+        coco.add(&format!("{stem}.png"), readout as u64, &now, &boxes);
+        if let Some((earlier, old)) = &before {
+            let forward = scene.flow(old, &now, threads)?;
+            flow(folder, &format!("{earlier:06}.forward"), &forward)?;
+            flow(folder, &format!("{stem}.backward"), &scene.flow(&now, old, threads)?)?;
+        }
+        frames.push(frame(readout, now.t, &scene.camera(now.t)?, &boxes, &readouts));
+        before = Some((readout, now));
+    }
+    let json = |v: &Value| {
+        serde_json::to_vec_pretty(v).map_err(|e| Error::new(Kind::Config, folder.display()).found(e))
+    };
+    write(folder, "coco.json", &json(&coco.json())?)?;
+    write(folder, "labels.json", &json(&json!({ "frames": frames }))?)?;
+    Ok(readouts)
+}
+
+fn maps(folder: &Path, stem: &str, now: &Labels) -> Result<()> {
+    let shape = [now.height, now.width];
+    write(folder, &format!("{stem}.depth.npy"), &labels::npy_f32(&shape, &now.depth_m)?)?;
+    write(folder, &format!("{stem}.instance.npy"), &labels::npy_u32(&shape, &now.instance)?)?;
+    write(folder, &format!("{stem}.semantic.npy"), &labels::npy_u8(&shape, &now.semantic)?)
+}
+
+fn flow(folder: &Path, stem: &str, flow: &Flow) -> Result<()> {
+    write(folder, &format!("{stem}.flo"), &labels::flo(flow)?)?;
+    let occluded = labels::npy_bool(&[flow.height, flow.width], &flow.occluded)?;
+    write(folder, &format!("{stem}.occluded.npy"), &occluded)
+}
+
+fn frame(readout: usize, t_s: f64, camera: &Camera, boxes: &[VehicleBox], all: &[usize]) -> Value {
+    let at = all.partition_point(|&r| r < readout);
+    let (i, p) = (&camera.intrinsics, &camera.pose);
+    let rotation = p.rotation.transpose().to_cols_array();
+    json!({
+        "readout": readout, "t_s": t_s,
+        "flow_forward_to": all.get(at + 1), "flow_backward_to": at.checked_sub(1).map(|k| all[k]),
+        "camera": {
+            "focal_px": i.focal_px, "centre_px": i.centre_px, "width": i.width, "height": i.height,
+            "position_m": p.position.to_array(), "world_to_camera_rows": rotation, "speed_mps": camera.speed_mps,
+        },
+        "boxes": boxes.iter().map(|b| json!({
+            "track_id": b.track_id, "class": b.class.kitti(), "visible": b.visible, "amodal": b.amodal,
+            "amodal_in_image": b.amodal_in_image, "visible_pixels": b.visible_pixels,
+            "alone_pixels": b.alone_pixels, "occlusion": b.occlusion, "truncation": b.truncation,
+            "centre_camera_m": b.centre_m, "centre_world_m": b.centre_world_m, "size_m": b.size_m,
+            "yaw": b.yaw, "rotation_y": b.rotation_y, "speed_mps": b.speed_mps,
+        })).collect::<Vec<_>>(),
+    })
+}

@@ -1,0 +1,59 @@
+//! Folders as the field's loaders expect them, made of links to the sequences' files.
+
+use std::fs;
+use std::path::Path;
+
+use crate::dataset::{Entry, Layout, Options};
+use crate::error::{Error, Result};
+use crate::storage;
+
+/// Puts the stream and the clear image of a sequence where loaders look.
+///
+/// Hard links cost no space and look like files everywhere; where the disk has none, copies.
+pub(super) fn place(options: &Options, entry: &Entry) -> Result<()> {
+    let sequence = options.output.join("sequences").join(&entry.id);
+    let split = options.output.join(&entry.split);
+    link(&sequence.join("stream.dat"), &split.join("spike"), &format!("{}.dat", entry.id))?;
+    link(&sequence.join("stream.clean.dat"), &split.join("clean"), &format!("{}.dat", entry.id))?;
+    link(&sequence.join("clear.png"), &split.join("gt"), &format!("{}.png", entry.id))
+}
+
+/// Takes a sequence out of them.
+pub(super) fn displace(options: &Options, id: &str) {
+    for split in ["train", "test"] {
+        for file in [format!("spike/{id}.dat"), format!("clean/{id}.dat"), format!("gt/{id}.png")] {
+            // Most are not there; one that cannot be removed fails when it is placed again.
+            let _ = fs::remove_file(options.output.join(split).join(file));
+        }
+    }
+}
+
+fn link(from: &Path, folder: &Path, name: &str) -> Result<()> {
+    fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
+    let (to, hidden) = (folder.join(name), folder.join(format!(".{name}.partial")));
+    let _ = fs::remove_file(&hidden);
+    if fs::hard_link(from, &hidden).is_err() {
+        fs::copy(from, &hidden).map_err(|e| Error::io(to.display(), e))?;
+    }
+    // Renaming a link over another link to the same file does nothing and leaves both.
+    let renamed = fs::rename(&hidden, &to).map_err(|e| Error::io(to.display(), e));
+    let _ = fs::remove_file(&hidden);
+    renamed
+}
+
+/// SpikeCV reads this beside the data.
+pub(super) fn config(options: &Options) -> Result<()> {
+    if options.layout != Layout::SpikeCv {
+        return Ok(());
+    }
+    let geometry = options.camera.sensor.geometry;
+    let name = options.output.file_name().unwrap_or_default().to_string_lossy();
+    let text = format!(
+        "filename: {}\nspike_w: {}\nspike_h: {}\nis_labeled: true\nlabeled_data_type: [1]\n\
+         labeled_data_suffix: png\ndata_field_identifier: spike\nlabel_field_identifier: gt\n",
+        serde_json::Value::from(name.as_ref()),
+        geometry.width(),
+        geometry.height(),
+    );
+    storage::write_small(&options.output.join("config.yaml"), text.as_bytes(), true)
+}

@@ -1,0 +1,238 @@
+//! What a dataset is asked to be.
+
+use std::path::PathBuf;
+
+use serde_json::{Value, json};
+
+use crate::draws::hash::mix64;
+use crate::draws::{Seeds, Stream};
+use crate::effects::Camera;
+use crate::error::{Error, Kind, Result};
+use crate::light::{Fit, Insertion, Rate, Transfer};
+use crate::presets;
+use crate::scene::{Lighting, Samples};
+
+/// Which loaders find their folders.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Layout {
+    /// `SPLIT/spike/ID.dat`, `SPLIT/gt/ID.png` and SpikeCV's `config.yaml`.
+    #[default]
+    SpikeCv,
+    /// `SPLIT/spike/ID.dat` and `SPLIT/gt/ID.png`, as Spike-Zoo's base dataset.
+    SpikeZoo,
+}
+
+impl Layout {
+    /// The name in arguments and manifests.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::SpikeCv => "spikecv",
+            Self::SpikeZoo => "spike-zoo",
+        }
+    }
+}
+
+impl std::str::FromStr for Layout {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Self> {
+        [Self::SpikeCv, Self::SpikeZoo].into_iter().find(|l| l.name() == name).ok_or_else(|| {
+            Error::new(Kind::Usage, "dataset layout")
+                .found(format_args!("`{name}`"))
+                .expected("spikecv or spike-zoo")
+        })
+    }
+}
+
+/// Random driving scenes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drives {
+    /// Number of scenes.
+    pub sequences: u32,
+    /// Clear images of each.
+    pub images: u32,
+    /// Readouts from one image to the next; light follows every readout.
+    pub readouts_per_image: u32,
+    /// Images from one labelled image to the next; 0 for no labels.
+    pub label_every: u32,
+    /// The light, or one drawn by each scene's seed.
+    pub lighting: Option<Lighting>,
+    /// Lamp flicker in hertz.
+    pub flicker_hz: Option<f64>,
+    /// Vehicles, or as many as the seed says.
+    pub vehicles: Option<u32>,
+    /// Wished speed in km/h, or what the seed says.
+    pub speed_kmh: Option<f64>,
+    /// Luminance of full scale in cd/m2 for all scenes, or each scene's own white.
+    pub white_cd_m2: Option<f32>,
+    /// Colour samples of a pixel.
+    pub samples: Samples,
+    /// Also the clear images as linear `f32`.
+    pub npy: bool,
+}
+
+impl Drives {
+    /// The dataset of the SCSim paper: 30 scenes of 500 images, one readout per image.
+    #[must_use]
+    pub const fn rhdd() -> Self {
+        Self {
+            sequences: 30,
+            images: 500,
+            readouts_per_image: 1,
+            label_every: 25,
+            lighting: None,
+            flicker_hz: None,
+            vehicles: None,
+            speed_kmh: None,
+            white_cd_m2: None,
+            samples: Samples::Four,
+            npy: false,
+        }
+    }
+
+    /// Readouts of one sequence.
+    #[must_use]
+    pub fn readouts(&self) -> u64 {
+        u64::from(self.images) * u64::from(self.readouts_per_image)
+    }
+}
+
+/// Videos and image folders below a folder.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Inputs {
+    /// Where they lie.
+    pub folder: PathBuf,
+    /// Readouts of every frame.
+    pub readouts_per_frame: u64,
+    /// Light between frames.
+    pub insertion: Insertion,
+    /// How frames come to the camera's size.
+    pub fit: Fit,
+    /// Declared transfer function.
+    pub transfer: Option<Transfer>,
+}
+
+/// Where the light of a dataset comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Work {
+    /// Driving scenes.
+    Drives(Drives),
+    /// Given pictures.
+    Inputs(Inputs),
+}
+
+/// A dataset.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The folder that it becomes.
+    pub output: PathBuf,
+    /// What is made.
+    pub work: Work,
+    /// The camera.
+    pub camera: Camera,
+    /// Everything follows from this seed.
+    pub seed: u64,
+    /// Which camera of the kind: fixes the fixed pattern of all sequences.
+    pub camera_seed: u64,
+    /// Folders of loaders.
+    pub layout: Layout,
+    /// Share of the sequences that are for testing, 0 to 1.
+    pub test_share: f64,
+    /// SPDX identifier or words under which the dataset is given on; the user's choice.
+    pub licence: Option<String>,
+    /// Threads; they change no byte.
+    pub threads: usize,
+    /// Go on with a dataset that was begun.
+    pub resume: bool,
+    /// The command, for records.
+    pub command: Vec<String>,
+}
+
+/// What a dataset will take.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Estimate {
+    /// Sequences that are not done.
+    pub sequences: usize,
+    /// Their readouts; unknown ones (videos) are not counted.
+    pub readouts: u64,
+    /// Bytes on the disk, about.
+    pub bytes: u64,
+    /// Inputs whose length only their end will tell.
+    pub unknown: usize,
+}
+
+impl Options {
+    /// Refuses what makes no sense before anything is written.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`].
+    pub fn check(&self) -> Result<()> {
+        let empty = match &self.work {
+            Work::Drives(d) => d.sequences == 0 || d.readouts() == 0,
+            Work::Inputs(i) => i.readouts_per_frame == 0,
+        };
+        if empty || !(0.0..=1.0).contains(&self.test_share) {
+            return Err(Error::new(Kind::Usage, "dataset")
+                .found(if empty { "nothing to make" } else { "a share outside 0 to 1" })
+                .expected("at least one sequence, image and readout, and a test share from 0 to 1"));
+        }
+        Ok(())
+    }
+
+    /// Seeds of sequence `id`: one camera for all, noise of its own for each.
+    #[must_use]
+    pub fn seeds(&self, id: &str) -> Seeds {
+        Seeds { camera: self.camera_seed, shot: self.seed, sequence: Stream::named(id).id() }
+    }
+
+    /// Seed of the scene of sequence `id`.
+    #[must_use]
+    pub fn scene_seed(&self, id: &str) -> u64 {
+        mix64(mix64(self.seed) ^ Stream::named(&format!("scene {id}")).id())
+    }
+
+    /// Whether sequence `id` is for testing: a draw of its own, so that a sequence
+    /// added later moves no other one.
+    #[must_use]
+    pub fn is_test(&self, id: &str) -> bool {
+        let draw = mix64(mix64(self.seed) ^ Stream::named(&format!("split {id}")).id());
+        ((draw >> 11) as f64) / (1u64 << 53) as f64 >= 1.0 - self.test_share
+    }
+
+    /// Everything that decides bytes, to compare a resumed dataset with the one begun.
+    ///
+    /// # Errors
+    /// When the camera cannot be written down.
+    pub fn facts(&self) -> Result<Value> {
+        let work = match &self.work {
+            Work::Drives(d) => json!({
+                "kind": "drives", "sequences": d.sequences, "images": d.images,
+                "readouts_per_image": d.readouts_per_image, "label_every": d.label_every,
+                "lighting": d.lighting.map(Lighting::name), "flicker_hz": d.flicker_hz,
+                "vehicles": d.vehicles, "speed_kmh": d.speed_kmh, "white_cd_m2": d.white_cd_m2,
+                "samples": if d.samples == Samples::Four { 4 } else { 16 }, "npy": d.npy,
+            }),
+            Work::Inputs(i) => json!({
+                "kind": "inputs", "folder": i.folder.display().to_string(),
+                "readouts_per_frame": i.readouts_per_frame, "insertion": format!("{:?}", i.insertion),
+                "fit": format!("{:?}", i.fit), "transfer": i.transfer.map(|t| format!("{t:?}")),
+            }),
+        };
+        Ok(json!({
+            "work": work, "camera": presets::to_toml(&self.camera)?.text, "seed": self.seed,
+            "camera_seed": self.camera_seed, "layout": self.layout.name(), "test_share": self.test_share,
+            "version": env!("CARGO_PKG_VERSION"),
+        }))
+    }
+
+    /// The readout rate as a fraction.
+    ///
+    /// # Errors
+    /// [`Kind::Config`] when it is no rate.
+    pub fn rate(&self) -> Result<Rate> {
+        // Six places are what a rate's text may hold.
+        let micro = (self.camera.sensor.readout_hz * 1e6).round();
+        Rate::new(micro as u64, 1_000_000)
+    }
+}

@@ -1,0 +1,218 @@
+//! Bad recording sets, the round trip through a camera file, and comparisons.
+
+mod calibrate_support;
+
+use std::path::PathBuf;
+
+use calibrate_support::{PUBLISHED, level, pixels};
+use spikelane::calibrate::{
+    Light, Observed, Options, Protocol, RecordingSet, Scene, SneeOptions, calibrate, observe, predict, snee,
+    write,
+};
+use spikelane::compare::grey_levels;
+use spikelane::effects::find;
+use spikelane::formats::{Layout, Reader};
+use spikelane::spikes::Geometry;
+use spikelane::{Camera, Seeds, presets};
+
+const SEEDS: Seeds = Seeds { camera: 3, shot: 4, sequence: 0 };
+
+fn camera() -> Camera {
+    let mut camera = presets::builtin("scsim-code").unwrap();
+    camera.sensor.geometry = Geometry::new(48, 32).unwrap();
+    camera.with(find("start_phase").unwrap().neutral().with("share", 1.0).unwrap())
+}
+
+fn flats(levels: &[f64], readouts: u32) -> Protocol {
+    let flat = |l: &f64| (format!("flat_{l}"), Light::Level(*l));
+    Protocol { recordings: levels.iter().map(flat).collect(), readouts }
+}
+
+fn record(protocol: &Protocol) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = protocol.record(&camera(), SEEDS, folder.path(), false, &mut |_, _| {}).unwrap();
+    (folder, path)
+}
+
+fn refused(path: &std::path::Path) -> String {
+    let set = RecordingSet::open(path).unwrap();
+    observe(&set, &mut |_, _| {}).unwrap_err().to_string()
+}
+
+#[test]
+fn a_set_reads_back_from_its_own_text() {
+    let text = r#"
+width = 400
+height = 250
+readout_hz = 20000
+[[recording]]
+file = "dark.dat"
+light = 0
+[[recording]]
+file = "steps.dat"
+light = { kind = "square", high = 0.8, low = 0.03, half_period = 500 }
+layout = "dat-top"
+[[recording]]
+file = "checker.dat"
+light = { kind = "checkerboard", high = 0.8, low = 0.03, cell = 8 }
+[[recording]]
+file = "wall.dat"
+light = { kind = "static-unknown" }
+[[rate_map]]
+file = "x.npy"
+light = 0.5
+"#;
+    let set = RecordingSet::parse(text, PathBuf::new()).unwrap();
+    assert_eq!(set.recordings[3].light, Light::Scene(Scene::StaticUnknown {}));
+    assert_eq!(RecordingSet::parse(&set.to_toml().unwrap(), PathBuf::new()).unwrap(), set);
+}
+
+#[test]
+fn texts_that_describe_no_set_are_refused() {
+    let head = "width = 8\nheight = 8\nreadout_hz = 20000\n";
+    let entry = |file: &str, light: &str| format!("[[recording]]\nfile = \"{file}\"\nlight = {light}\n");
+    let wrong = [
+        String::new(),
+        head.to_owned(),
+        format!("{head}{}", entry("a", "-1")),
+        format!("{head}{}", entry("a", "{ kind = \"square\", high = 1, low = 0, half_period = 0 }")),
+        format!("{head}{}", entry("a", "{ kind = \"circle\" }")),
+        format!("{head}{}{}", entry("a", "0.1"), entry("a", "0.2")),
+        format!("{head}{}{}", entry("a", "0.1"), entry("b", "0.1")),
+        format!("width = 0\nheight = 8\nreadout_hz = 1\n{}", entry("a", "0.1")),
+        format!("{head}sensor = 3\n{}", entry("a", "0.1")),
+    ];
+    for text in wrong {
+        assert!(RecordingSet::parse(&text, PathBuf::new()).is_err(), "{text}");
+    }
+}
+
+#[test]
+fn dark_saturated_and_short_sets_say_what_is_missing() {
+    let (_folder, dark) = record(&flats(&[0.0], 2000));
+    assert!(refused(&dark).contains("dark recordings only"));
+    let (_folder, bright) = record(&flats(&[1.4, 1.6], 500));
+    assert!(refused(&bright).contains("saturated"), "{}", refused(&bright));
+    let (_folder, short) = record(&flats(&[0.0, 0.02, 0.5], 50));
+    let text = refused(&short);
+    assert!(text.contains("record ") && text.contains("readouts or more"), "{text}");
+}
+
+#[test]
+fn a_level_that_contradicts_the_others_is_named() {
+    let (folder, path) = record(&flats(&[0.0, 0.1, 0.3, 0.5, 0.8], 500));
+    let text = std::fs::read_to_string(&path).unwrap().replace("light = 0.5", "light = 0.6");
+    let path = folder.path().join("wrong.toml");
+    std::fs::write(&path, text).unwrap();
+    let text = refused(&path);
+    assert!(text.contains("flat_0.5") && text.contains("other levels give"), "{text}");
+}
+
+#[test]
+fn an_upside_down_file_and_a_moving_scene_are_found() {
+    let (folder, path) = record(&flats(&[0.0, 0.2, 0.4, 0.7], 1000));
+    let text = std::fs::read_to_string(&path).unwrap();
+    let flipped = text.replace("light = 0.4", "light = 0.4\nlayout = \"dat-top\"");
+    let wrong = folder.path().join("flipped.toml");
+    std::fs::write(&wrong, flipped).unwrap();
+    assert!(refused(&wrong).contains("upside down"), "{}", refused(&wrong));
+    // Half of one level, half of another: every pixel drifts.
+    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    let (a, b) = (read("flat_0.2.dat"), read("flat_0.4.dat"));
+    let joined = [&a[..a.len() / 2], &b[..b.len() / 2]].concat();
+    std::fs::write(folder.path().join("flat_0.4.dat"), joined).unwrap();
+    assert!(refused(&path).contains("change between the halves"), "{}", refused(&path));
+}
+
+#[test]
+fn a_calibrated_camera_has_the_rates_of_the_first() {
+    let protocol = flats(&[0.0, 0.04, 0.1, 0.3, 0.6, 0.8], 4000);
+    let (folder, path) = record(&protocol);
+    let first = observe(&RecordingSet::open(&path).unwrap(), &mut |_, _| {}).unwrap();
+    let found = calibrate(&first, &Options::default()).unwrap();
+    let files = write(&found, &folder.path().join("out"), false).unwrap();
+    assert!(std::fs::read_to_string(&files.report).unwrap().contains("could not tell"));
+    let again = presets::load(files.camera.to_str().unwrap()).unwrap();
+    let second_folder = tempfile::tempdir().unwrap();
+    let seeds = Seeds { camera: 8, shot: 9, sequence: 50 };
+    let path = protocol.record(&again, seeds, second_folder.path(), false, &mut |_, _| {}).unwrap();
+    let second = observe(&RecordingSet::open(&path).unwrap(), &mut |_, _| {}).unwrap();
+    for (a, b) in first.levels.iter().zip(&second.levels) {
+        // Rates by time are known to sqrt(f^2 s / N + f^4 / 6 N^2) in each of the two, s = 6e-5, and the fit adds less.
+        let mut worst = 0.0_f64;
+        let (mut sum, mut n) = (0.0, 0.0);
+        for p in 0..a.rate.len() {
+            if a.spikes[p] < 3 || b.spikes[p] < 3 || a.rate[p] > 0.98 {
+                continue;
+            }
+            let of =
+                |f: f64, n: u32| f * f * 6e-5 / f64::from(n - 1) + (f * f / f64::from(n - 1)).powi(2) / 6.0;
+            let z =
+                (a.rate[p] - b.rate[p]) / (of(a.rate[p], a.spikes[p]) + of(b.rate[p], b.spikes[p])).sqrt();
+            worst = worst.max(z.abs());
+            sum += z * z;
+            n += 1.0;
+        }
+        println!("light {}: rms z {:.3}, worst {worst:.2}", a.light, (sum / n).sqrt());
+        assert!((sum / n).sqrt() < 1.3, "light {}: rms z {}", a.light, (sum / n).sqrt());
+    }
+}
+
+#[test]
+fn the_papers_estimator_lands_on_its_box() {
+    let truth = pixels(&PUBLISHED, 24, 1);
+    let levels = (0..25)
+        .map(|k| level(&PUBLISHED, &truth, f64::from(10 * k) / 255.0, 1000, u64::from(k as u32), false));
+    let observed = Observed {
+        geometry: Geometry::new(6, 4).unwrap(),
+        readout_hz: 20_000.0,
+        levels: levels.collect(),
+        others: Vec::new(),
+    };
+    let found = snee(&observed, &SneeOptions::default()).unwrap();
+    assert!(found.on_box > 0.95, "{}", found.on_box);
+    for (s, t) in found.pixels.iter().flatten().zip(&truth) {
+        assert!((s.alpha / s.phi / t.a() - 1.0).abs() < 0.02, "{s:?}");
+    }
+}
+
+#[test]
+fn longer_recordings_are_predicted_to_know_more() {
+    let protocol = Protocol::grey_levels(10_000);
+    let at = |n| predict(&protocol, &presets::builtin("scsim-code").unwrap(), n).unwrap();
+    let (short, long) = (at(1000), at(10_000));
+    assert!(long.gain < short.gain / 2.5 && long.dark < short.dark / 2.5, "{short:?} {long:?}");
+    assert!((1e-5..6e-5).contains(&long.gain), "{long:?}");
+}
+
+#[test]
+fn a_model_is_nearest_to_recordings_made_by_itself() {
+    let (_folder, path) = record(&flats(&[0.0, 0.47, 0.7, 0.94], 1500));
+    let set = RecordingSet::open(&path).unwrap();
+    let cameras = ["spikingsim", "scsim-code"].map(|n| presets::builtin(n).unwrap());
+    let found = grey_levels(&set, &cameras, Seeds { camera: 30, ..SEEDS }, 1500).unwrap();
+    assert_eq!(found.models[0].name, "scsim-code");
+    assert!(found.page().unwrap().contains("<svg"));
+}
+
+#[test]
+fn the_static_recording_ranks_spikingsim_last() {
+    let Some(folder) = std::env::var_os("SPIKELANE_REAL_DATA") else {
+        eprintln!("skipped: SPIKELANE_REAL_DATA is not set");
+        return;
+    };
+    let path = PathBuf::from(folder).join("static_400x250x300.dat");
+    let reader = Reader::open(&path, Some(Layout::Dat), Some(Geometry::new(400, 250).unwrap())).unwrap();
+    let cameras: Vec<_> = spikelane::compare::MODELS.iter().map(|n| presets::builtin(n).unwrap()).collect();
+    let found = spikelane::compare::static_scene(&reader, &cameras, SEEDS).unwrap();
+    println!("{} pixels, rate {:.4}, floor {:.3}", found.pixels, found.mean_rate, found.floor);
+    for row in std::iter::once(&found.measured).chain(&found.models) {
+        let d: Vec<f64> = row.lag_variance.iter().map(|e| (e.value * 1e4).round() / 1e4).collect();
+        println!(
+            "{:<12} D {d:?} outliers {:.2e} distance {:.3} slow {:.3}",
+            row.name, row.outliers.value, row.distance, row.slow_distance
+        );
+    }
+    let spikingsim = found.models.iter().find(|m| m.name == "spikingsim").unwrap();
+    assert!(found.models.iter().take(2).all(|m| m.distance < 0.3 * spikingsim.distance));
+}

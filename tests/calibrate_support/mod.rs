@@ -1,0 +1,171 @@
+//! Cameras of known truth, simulated pixel by pixel in f64, with nothing of the library but
+//! its types for results.
+#![allow(dead_code, reason = "each test takes what it needs")]
+
+use rayon::prelude::*;
+use spikelane::calibrate::Level;
+
+/// A generator of its own: splitmix64 and the polar method.
+pub struct Random(u64, Option<f64>);
+
+impl Random {
+    pub fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x1234_5678_9ABC_DEF0, None)
+    }
+
+    fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ z >> 31
+    }
+
+    pub fn uniform(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    pub fn normal(&mut self) -> f64 {
+        if let Some(z) = self.1.take() {
+            return z;
+        }
+        loop {
+            let (u, v) = (2.0 * self.uniform() - 1.0, 2.0 * self.uniform() - 1.0);
+            let s = u * u + v * v;
+            if s > 0.0 && s < 1.0 {
+                let scale = (-2.0 * s.ln() / s).sqrt();
+                self.1 = Some(v * scale);
+                return u * scale;
+            }
+        }
+    }
+}
+
+/// The published noise: relative to nominal threshold and to the light that saturates.
+#[derive(Clone, Copy)]
+pub struct Noise {
+    pub threshold_sd: f64,
+    pub gain_sd: f64,
+    pub dark: f64,
+    pub dark_sd: f64,
+    pub sigma_t: f64,
+    pub photons: f64,
+    pub lost: f64,
+}
+
+pub const PUBLISHED: Noise = Noise {
+    threshold_sd: 0.0497 / 1.0924,
+    gain_sd: 0.0577,
+    dark: 0.00468,
+    dark_sd: 0.00182,
+    sigma_t: 0.00636 / 1.0924,
+    photons: 5e4,
+    lost: 0.002,
+};
+
+/// A pixel of known truth: threshold (of its voltage alone), gain and dark current.
+#[derive(Clone, Copy)]
+pub struct Pixel {
+    pub phi: f64,
+    pub gain: f64,
+    pub dark: f64,
+}
+
+impl Pixel {
+    pub fn a(&self) -> f64 {
+        self.gain / self.phi
+    }
+
+    pub fn d(&self) -> f64 {
+        self.dark / self.phi
+    }
+}
+
+pub fn pixels(noise: &Noise, count: usize, seed: u64) -> Vec<Pixel> {
+    let mut random = Random::new(seed);
+    let mut pixel = || Pixel {
+        phi: 1.0 + noise.threshold_sd * random.normal(),
+        gain: 1.0 + noise.gain_sd * random.normal(),
+        dark: (noise.dark + noise.dark_sd * random.normal()).max(0.0),
+    };
+    (0..count).map(|_| pixel()).collect()
+}
+
+/// Count, first and last spike, and sums of squares of spans of `LAGS` intervals.
+pub struct Trace {
+    pub times: Vec<u32>,
+}
+
+/// One pixel under one constant light. Between the zone where threshold noise can decide and a
+/// spike, charge is added in one step of many readouts: the sum of that many normal draws.
+pub fn run(noise: &Noise, pixel: &Pixel, light: f64, readouts: u32, random: &mut Random) -> Trace {
+    let mean = pixel.gain * light + pixel.dark;
+    // Photons before the gain; a normal law is exact enough above some hundred of them.
+    let sd = if light > 0.0 { pixel.gain * (light / noise.photons).sqrt() } else { 0.0 };
+    let reach = pixel.phi - 6.0 * noise.sigma_t;
+    let mut charge = random.uniform() * pixel.phi;
+    let mut times = Vec::new();
+    let mut fired = false;
+    let mut t = 0;
+    while t < readouts {
+        let free = ((reach - charge - 8.0 * sd) / (mean + 8.0 * sd)).floor();
+        if free >= 2.0 && !fired {
+            let n = free.min(f64::from(readouts - t));
+            charge += n * mean + n.sqrt() * sd * random.normal();
+            t += n as u32;
+            continue;
+        }
+        let mut step = mean + sd * random.normal();
+        if fired {
+            step *= 1.0 - noise.lost;
+        }
+        charge += step;
+        fired = false;
+        if charge > reach {
+            let theta = pixel.phi + noise.sigma_t * random.normal();
+            if charge >= theta {
+                charge -= theta;
+                fired = true;
+                times.push(t);
+            }
+        }
+        t += 1;
+    }
+    Trace { times }
+}
+
+/// Phase variance per spike from spans of 4, 8 and 16 intervals, by ordinary regression on the lag.
+fn slope(times: &[u32]) -> f64 {
+    let n = times.len().saturating_sub(1);
+    if n < 32 {
+        return f64::NAN;
+    }
+    let mean = f64::from(times[n] - times[0]) / n as f64;
+    let variance = |lag: usize| {
+        let spans = times.windows(lag + 1).map(|w| (f64::from(w[lag] - w[0]) - lag as f64 * mean).powi(2));
+        let count = (n - lag + 1) as f64;
+        // The mean interval comes from the same spikes.
+        spans.sum::<f64>() / count
+    };
+    let factor = |lag: f64| lag - lag * lag / n as f64;
+    (variance(16) - variance(4)) / (factor(16.0) - factor(4.0)) / (mean * mean)
+}
+
+/// All pixels at one light; intervals are looked at where `dim`.
+pub fn level(noise: &Noise, pixels: &[Pixel], light: f64, readouts: u32, seed: u64, dim: bool) -> Level {
+    let trace = |(p, pixel): (usize, &Pixel)| {
+        let mut random = Random::new(seed.wrapping_mul(1_000_003).wrapping_add(p as u64));
+        let times = run(noise, pixel, light, readouts, &mut random).times;
+        let ends = (times.first().copied().unwrap_or(u32::MAX), times.last().copied().unwrap_or(u32::MAX));
+        (times.len() as u32, ends.0, ends.1, if dim { slope(&times) } else { f64::NAN })
+    };
+    let all: Vec<_> = pixels.par_iter().enumerate().map(trace).collect();
+    let count = all.iter().map(|t| t.0).collect();
+    let first: Vec<u32> = all.iter().map(|t| t.1).collect();
+    let last: Vec<u32> = all.iter().map(|t| t.2).collect();
+    let mut level = Level::from_counts(&format!("light {light:.4}"), light, readouts, count, &first, &last);
+    if dim {
+        let map = all.iter().map(|t| t.3).collect();
+        level.noise = Some(spikelane::calibrate::IntervalNoise { map });
+    }
+    level
+}

@@ -1,0 +1,243 @@
+//! What the physics tests share: the exact law under an independent generator, streams as
+//! spike times, and the statistics that both sides are compared by.
+#![allow(dead_code, reason = "every test file uses its own part")]
+
+use rand_distr::{Distribution, Poisson, StandardNormal};
+use rand_pcg::Pcg64;
+use rand_pcg::rand_core::{Rng, SeedableRng};
+use spikelane::effects::{Camera, Model};
+use spikelane::pixel::{Law, Noise};
+use spikelane::simulate::FrameRef;
+use spikelane::spikes::bit;
+use spikelane::{Geometry, Plan, Seeds, Sensor, Simulator};
+
+/// Draws for the exact law that share no code with the crate's.
+pub struct Independent {
+    rng: Pcg64,
+    /// Building a distribution costs more than drawing from it, and light is constant here.
+    poisson: (f64, Option<Poisson<f64>>),
+}
+
+impl Independent {
+    pub fn new(seed: u64) -> Self {
+        Self { rng: Pcg64::seed_from_u64(seed), poisson: (f64::NAN, None) }
+    }
+}
+
+impl Noise for Independent {
+    fn normal(&mut self) -> f64 {
+        StandardNormal.sample(&mut self.rng)
+    }
+
+    fn poisson(&mut self, mean: f64) -> f64 {
+        if self.poisson.0 != mean {
+            self.poisson = (mean, Poisson::new(mean).ok());
+        }
+        self.poisson.1.map_or(0.0, |p| p.sample(&mut self.rng))
+    }
+
+    fn uniform(&mut self) -> f64 {
+        (self.rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// Spike times of every pixel, in readouts.
+pub struct Times {
+    pub readouts: usize,
+    pub pixels: Vec<Vec<u32>>,
+}
+
+/// A sensor with the circuit of the presets.
+pub fn sensor(width: u32, height: u32) -> Sensor {
+    Sensor::new(width, height, 20_000.0).unwrap()
+}
+
+/// `camera` cut to `width` x `height`.
+pub fn sized(mut camera: Camera, width: u32, height: u32) -> Camera {
+    camera.sensor.geometry = Geometry::new(width, height).unwrap();
+    camera
+}
+
+pub fn preset(name: &str, width: u32, height: u32) -> Camera {
+    sized(spikelane::presets::builtin(name).unwrap(), width, height)
+}
+
+pub fn seeds(shot: u64) -> Seeds {
+    Seeds { camera: 5, shot, sequence: 0 }
+}
+
+/// The exact law of every pixel, `light` full scales each, after `warm` readouts that are not kept.
+pub fn oracle(model: &Model, light: &[f32], warm: usize, readouts: usize, seed: u64) -> Times {
+    let pixels = (0..model.circuit.pixels()).map(|p| {
+        let mut noise = Independent::new(seed.wrapping_mul(1_000_003).wrapping_add(p as u64));
+        one(model, &model.law(p), f64::from(light[p]), warm, readouts, &mut noise)
+    });
+    Times { readouts, pixels: pixels.collect() }
+}
+
+fn one(
+    model: &Model,
+    law: &Law,
+    light: f64,
+    warm: usize,
+    readouts: usize,
+    noise: &mut Independent,
+) -> Vec<u32> {
+    let (first, second) = (noise.uniform(), noise.uniform());
+    let mut state = law.start(model.start_charge(law.threshold, first, second), noise);
+    for _ in 0..warm {
+        law.step(&mut state, light, noise);
+    }
+    let mut times = Vec::new();
+    for t in 0..readouts {
+        if law.step(&mut state, light, noise) {
+            times.push(t as u32);
+        }
+    }
+    times
+}
+
+/// The plan on the fastest backend, under the same conditions.
+pub fn planned(camera: &Camera, seeds: Seeds, light: &[f32], warm: usize, readouts: usize) -> Times {
+    let bytes = packed(camera, seeds, light, warm + readouts);
+    let frame = camera.sensor.geometry.frame_bytes();
+    unpack(&bytes[warm * frame..], camera.sensor.geometry)
+}
+
+/// The plan's packed stream.
+pub fn packed(camera: &Camera, seeds: Seeds, light: &[f32], readouts: usize) -> Vec<u8> {
+    let greatest = light.iter().fold(1.0f32, |a, &b| a.max(b));
+    let plan = Plan::with_light(camera, seeds, f64::from(greatest)).unwrap();
+    let mut bytes = vec![0; readouts * camera.sensor.geometry.frame_bytes()];
+    let mut simulator = Simulator::of_plan(plan);
+    simulator.push(FrameRef::f32(light, camera.sensor.geometry), &mut bytes).unwrap();
+    bytes
+}
+
+pub fn unpack(bytes: &[u8], geometry: Geometry) -> Times {
+    let mut pixels = vec![Vec::new(); geometry.pixels()];
+    let frames = bytes.chunks_exact(geometry.frame_bytes());
+    let readouts = frames.len();
+    for (t, frame) in frames.enumerate() {
+        for (p, times) in pixels.iter_mut().enumerate() {
+            if bit(frame, p) {
+                times.push(t as u32);
+            }
+        }
+    }
+    Times { readouts, pixels }
+}
+
+/// A mean over pixels and its standard error from their scatter.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimate {
+    pub mean: f64,
+    pub error: f64,
+    pub pixels: usize,
+}
+
+impl Estimate {
+    pub fn of(values: impl Iterator<Item = f64>) -> Self {
+        let values: Vec<f64> = values.collect();
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+        Self { mean, error: (variance / n).sqrt(), pixels: values.len() }
+    }
+
+    /// The difference in units of the joint standard error, which is at least `floor`.
+    pub fn sigmas(self, other: Self, floor: f64) -> f64 {
+        (self.mean - other.mean) / self.error.hypot(other.error).max(floor)
+    }
+}
+
+impl std::fmt::Display for Estimate {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:.6} +- {:.6}", self.mean, self.error)
+    }
+}
+
+impl Times {
+    /// Spikes per readout of every pixel.
+    pub fn rates(&self) -> impl Iterator<Item = f64> + '_ {
+        self.pixels.iter().map(|t| t.len() as f64 / self.readouts as f64)
+    }
+
+    pub fn rate(&self) -> Estimate {
+        Estimate::of(self.rates())
+    }
+
+    /// Standard deviation over the pixels of the rate, over its mean.
+    pub fn spread(&self) -> f64 {
+        let rate = self.rate();
+        rate.error * (rate.pixels as f64).sqrt() / rate.mean
+    }
+
+    /// `D(n)`: per pixel the mean square of `t[k+n] - t[k]` about `n` times the pixel's own
+    /// mean interval (last minus first spike, over their number less one), then the mean over
+    /// the pixels that hold more than `1.5 n` spikes.
+    pub fn d(&self, n: usize) -> Estimate {
+        Estimate::of(self.pixels.iter().filter(|t| 2 * t.len() > 3 * n && t.len() > n + 1).map(|t| {
+            let mean = mean_interval(t);
+            let square = |(a, b): (&u32, &u32)| (f64::from(b - a) - n as f64 * mean).powi(2);
+            t.iter().zip(&t[n..]).map(square).sum::<f64>() / (t.len() - n) as f64
+        }))
+    }
+
+    /// Share of the intervals that are neither floor nor ceiling of their pixel's mean.
+    pub fn outliers(&self) -> f64 {
+        let (mut outside, mut all) = (0, 0);
+        for t in self.pixels.iter().filter(|t| t.len() > 1) {
+            let mean = mean_interval(t);
+            let beyond = |w: &&[u32]| {
+                let interval = f64::from(w[1] - w[0]);
+                interval < mean.floor() || interval > mean.ceil()
+            };
+            outside += t.windows(2).filter(beyond).count();
+            all += t.len() - 1;
+        }
+        f64::from(outside as u32) / f64::from(all as u32)
+    }
+}
+
+pub fn mean_interval(times: &[u32]) -> f64 {
+    f64::from(times[times.len() - 1] - times[0]) / (times.len() - 1) as f64
+}
+
+/// One value of light per pixel, Gaussian about `mean` with the relative spread `spread`.
+pub fn spread_light(mean: f64, spread: f64, pixels: usize, seed: u64) -> Vec<f32> {
+    let mut noise = Independent::new(seed);
+    (0..pixels).map(|_| (mean * (1.0 + spread * noise.normal())).max(0.0) as f32).collect()
+}
+
+/// Correlation coefficient of two series.
+pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let n = a.len() as f64;
+    let (ma, mb) = (a.iter().sum::<f64>() / n, b.iter().sum::<f64>() / n);
+    let dot = |x: &[f64], mx: f64, y: &[f64], my: f64| -> f64 {
+        x.iter().zip(y).map(|(x, y)| (x - mx) * (y - my)).sum()
+    };
+    dot(a, ma, b, mb) / (dot(a, ma, a, ma) * dot(b, mb, b, mb)).sqrt()
+}
+
+/// Every pixel's stored charge in its own thresholds, read from the saved state.
+pub fn charges(plan: &Plan, state: &spikelane::plan::State) -> Vec<f64> {
+    let bytes = state.to_bytes();
+    let word = |i: usize| i16::from_le_bytes([bytes[64 + 2 * i], bytes[65 + 2 * i]]);
+    let padded = plan.padded();
+    (0..plan.geometry().pixels())
+        .map(|p| {
+            let threshold = f64::from(plan.tables().threshold[p]);
+            let fraction = f64::from(word(padded + p) as u16 ^ 0x8000) / 65_536.0;
+            (f64::from(word(p)) + threshold + fraction) / threshold
+        })
+        .collect()
+}
+
+/// Pixels of `camera` alike: `effects` by name, key and value on an ideal camera.
+pub fn camera_with(width: u32, height: u32, effects: &[(&str, &[(&str, f64)])]) -> Camera {
+    effects.iter().fold(Camera::ideal(sensor(width, height)), |camera, (name, values)| {
+        let effect = spikelane::effects::find(name).unwrap().neutral();
+        camera.with(values.iter().fold(effect, |e, (key, v)| e.with(key, *v).unwrap()))
+    })
+}

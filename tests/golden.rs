@@ -1,0 +1,139 @@
+//! Checksums of a dozen small streams, through every backend that this CPU has.
+//!
+//! Until the bits freeze (with the next version of the kernels) a checksum may change in a commit
+//! that says why; from then on a changed bit is a breaking change. `GOLDEN_PRINT=1` prints
+//! the table anew.
+
+mod common_oracle;
+
+use common_oracle::{camera_with, preset, sized};
+use spikelane::kernels::Samples;
+use spikelane::simulate::FrameRef;
+use spikelane::{Backend, Camera, Plan, Seeds, Simulator, effects};
+
+const SEEDS: Seeds = Seeds { camera: 11, shot: 22, sequence: 33 };
+
+/// What a stream is made of, besides its camera.
+#[derive(Clone, Copy)]
+enum Kind {
+    /// 8-bit ramp, held.
+    U8,
+    /// 16-bit ramp, held.
+    U16,
+    /// Floats up to 1.6, held; then dark, so that surplus shows.
+    Bright,
+    /// From one 8-bit frame to another.
+    Between,
+}
+
+fn cases() -> Vec<(&'static str, Camera, Kind)> {
+    let dim_shot: &[(&str, f64)] = &[("strength", 1.0), ("counts", 1.0), ("photons_at_full_scale", 200.0)];
+    let effect = |name: &str| effects::find(name).unwrap().typical();
+    vec![
+        ("ideal u8", preset("ideal", 67, 5), Kind::U8),
+        ("ideal u16", preset("ideal", 64, 2), Kind::U16),
+        ("physical u8", preset("physical", 100, 3), Kind::U8),
+        ("physical between", preset("physical", 33, 3), Kind::Between),
+        ("physical bright", preset("physical", 65, 1), Kind::Bright),
+        ("scsim-code u8", preset("scsim-code", 70, 3), Kind::U8),
+        ("scsim-code surplus", preset("scsim-code", 66, 2), Kind::Bright),
+        ("scsim-paper between", preset("scsim-paper", 31, 7), Kind::Between),
+        ("hard reset", preset("spikecv-image", 129, 1), Kind::U16),
+        ("flips", preset("spikingsim", 63, 3).with(effect("missed_spikes")), Kind::U8),
+        (
+            "partial reset, dead time, clamp",
+            sized(preset("physical", 1, 1), 90, 2).with(effect("partial_reset")).with(effect("dead_time")),
+            Kind::Bright,
+        ),
+        (
+            "fine threshold noise",
+            camera_with(80, 2, &[("thermal_noise", &[("sigma", 1e-4)]), ("prnu", &[("sigma", 0.02)])]),
+            Kind::U8,
+        ),
+        ("Poisson counts", camera_with(96, 2, &[("shot_noise", dim_shot)]), Kind::Between),
+        (
+            "vignetting and dead pixels",
+            preset("ideal", 40, 25).with(effect("vignetting")).with(effect("dead_pixels")),
+            Kind::U8,
+        ),
+    ]
+}
+
+fn stream(camera: &Camera, kind: Kind, backend: Backend) -> Vec<u8> {
+    let geometry = camera.sensor.geometry;
+    let n = geometry.pixels();
+    let plan = Plan::with_light(camera, SEEDS, 1.6).unwrap();
+    let mut simulator = Simulator::of_plan(plan).with_backend(backend).unwrap();
+    let mut bytes = vec![0; 200 * geometry.frame_bytes()];
+    let ramp: Vec<u8> = (0..n).map(|p| (p * 255 / n.max(2)) as u8).collect();
+    match kind {
+        Kind::U8 => simulator.push(FrameRef::u8(&ramp, geometry), &mut bytes).unwrap(),
+        Kind::U16 => {
+            let ramp: Vec<u16> = (0..n).map(|p| (p * 65_535 / n.max(2)) as u16).collect();
+            simulator.push(FrameRef::dense(Samples::U16(&ramp), geometry), &mut bytes).unwrap();
+        }
+        Kind::Bright => {
+            let light: Vec<f32> = (0..n).map(|p| 1.6 * p as f32 / n as f32).collect();
+            let (lit, dark) = bytes.split_at_mut(150 * geometry.frame_bytes());
+            simulator.push(FrameRef::f32(&light, geometry), lit).unwrap();
+            simulator.push(FrameRef::f32(&vec![0.0; n], geometry), dark).unwrap();
+        }
+        Kind::Between => {
+            let back: Vec<u8> = ramp.iter().rev().copied().collect();
+            let weights: Vec<f32> = (0..200).map(|t| t as f32 / 200.0).collect();
+            let (from, to) = (FrameRef::u8(&ramp, geometry), FrameRef::u8(&back, geometry));
+            simulator.push_between(from, to, &weights, &mut bytes).unwrap();
+        }
+    }
+    bytes
+}
+
+/// FNV-1a over the packed bytes.
+fn checksum(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01b3))
+}
+
+const GOLDEN: [u64; 14] = [
+    0x646b_31e4_31d7_4b02,
+    0xef0b_2643_5d19_bb24,
+    0x3e45_ce70_78ea_451a,
+    0x8522_7e23_c0bc_11c1,
+    0xd199_20bb_1ce3_0229,
+    0x912b_23e6_14ad_32a6,
+    0x3922_c9bb_aa55_6e9f,
+    0x4930_9f1c_08d3_e942,
+    0x5844_a8df_c304_4a03,
+    0x8213_8789_f05d_73cc,
+    0x6115_410d_ac38_928a,
+    0x0965_f73e_ace8_24e6,
+    0xcb2b_b188_8e96_fc6c,
+    0x4593_ab85_4648_7958,
+];
+
+#[test]
+fn streams_have_their_golden_checksums_on_every_backend() {
+    for ((name, camera, kind), golden) in cases().into_iter().zip(GOLDEN) {
+        for backend in Backend::ALL {
+            if !backend.available() {
+                eprintln!("skipped backend {backend}: this CPU lacks its instructions");
+                continue;
+            }
+            let found = checksum(&stream(&camera, kind, backend));
+            if std::env::var_os("GOLDEN_PRINT").is_some() {
+                eprintln!("{name}, {backend}: {found:#018x}");
+            } else {
+                assert_eq!(found, golden, "{name} on {backend}: found {found:#018x}");
+            }
+        }
+    }
+}
+
+/// A stream that fires never or always would guard nothing.
+#[test]
+fn golden_streams_hold_spikes_and_silence() {
+    for (name, camera, kind) in cases() {
+        let bytes = stream(&camera, kind, Backend::Portable);
+        let share = spikelane::spikes::count(&bytes) as f64 / (200 * camera.sensor.geometry.pixels()) as f64;
+        assert!((0.05..0.95).contains(&share), "{name}: {share}");
+    }
+}

@@ -1,0 +1,97 @@
+//! Backends on buffers of exactly the needed size, with guard words around the
+//! bits. The guards catch a write that lands beside; `tests/memcheck.sh` runs
+//! this under valgrind and AddressSanitizer, which catch reads as well.
+
+use spikelane::draws::Seeds;
+use spikelane::effects::find;
+use spikelane::kernels::{self, Backend, Batch, Job, Light, Samples, Segment};
+use spikelane::{Camera, Plan, Sensor};
+
+const READOUTS: usize = 19;
+const GUARD: usize = 64;
+
+/// Cameras that reach every case of the body.
+fn cameras(width: u32, height: u32) -> Vec<Camera> {
+    let typical = |name: &str| find(name).unwrap().typical();
+    let ideal = Camera::ideal(Sensor::new(width, height, 20_000.0).unwrap()).with(typical("start_phase"));
+    let clamped = ideal.clone().with(typical("saturation_clamp"));
+    let fixed = clamped.clone().with(typical("prnu")).with(typical("dark_current"));
+    let shot = fixed.clone().with(typical("shot_noise"));
+    let often = typical("thermal_noise").with_text("redraw", "every-readout").unwrap();
+    let dark = typical("dark_current").with("mean", 0.1).unwrap();
+    let few = shot.clone().with(typical("dark_shot_noise")).with(dark);
+    vec![
+        shot.clone().with(often.clone()),
+        shot.clone().with(often.clone()).without("saturation_clamp"),
+        shot.clone().with(typical("thermal_noise")),
+        shot.clone().with(typical("dead_time")).with(typical("false_spikes")).with(typical("missed_spikes")),
+        few.with(typical("partial_reset")),
+        ideal,
+        clamped,
+        fixed.clone().without("saturation_clamp"),
+        fixed,
+        shot,
+    ]
+}
+
+fn run(plan: &Plan, backend: Backend, segments: &[Segment<'_>]) -> Vec<u8> {
+    let batch = Batch::new(plan, 3, segments);
+    let mut state = plan.start();
+    let mut all = Vec::new();
+    for (i, part) in state.tiles(64).iter_mut().enumerate() {
+        let job = Job::new(plan, &batch, i * 64, 64);
+        let size = READOUTS * job.tile_bytes();
+        let mut guarded = vec![0xa5u8; size + 2 * GUARD].into_boxed_slice();
+        kernels::run(backend, &job, part, &mut guarded[GUARD..GUARD + size]);
+        let (before, rest) = guarded.split_at(GUARD);
+        let (bits, behind) = rest.split_at(size);
+        assert!(before.iter().chain(behind).all(|b| *b == 0xa5), "{backend} wrote beside its bits");
+        // An allocation of its own: nothing readable follows the last bit.
+        let mut exact = vec![0u8; size].into_boxed_slice();
+        exact.copy_from_slice(bits);
+        all.extend_from_slice(&exact);
+    }
+    all.extend_from_slice(&state.to_bytes());
+    all
+}
+
+/// Compares all backends under light that is held, new at every readout, and between frames.
+fn compare(plan: &Plan, frames: &[Samples<'_>]) {
+    let weights: Vec<f32> = (0..READOUTS).map(|i| i as f32 / READOUTS as f32).collect();
+    let held = [Segment { readouts: READOUTS, light: Light::Held(frames[0]) }];
+    let new: Vec<_> = (0..READOUTS)
+        .map(|t| Segment { readouts: 1, light: Light::Held(frames[t % frames.len()]) })
+        .collect();
+    let between = Light::Between { from: frames[0], to: frames[1], weights: &weights };
+    let between = [Segment { readouts: READOUTS, light: between }];
+    for segments in [&held[..], &new, &between] {
+        let expected = run(plan, Backend::Reference, segments);
+        for backend in Backend::ALL.into_iter().skip(1) {
+            if !backend.available() {
+                eprintln!("skipped backend {backend}: this CPU lacks its instructions");
+                continue;
+            }
+            assert_eq!(run(plan, backend, segments), expected, "{backend} {}", plan.geometry());
+        }
+    }
+}
+
+#[test]
+fn tails_of_every_length_stay_inside_their_buffers() {
+    // One pixel; just below, at and above a vector, a pair of them, and a tile.
+    for (width, height) in [(1, 1), (15, 1), (17, 1), (31, 1), (11, 3), (16, 4), (13, 5), (43, 3), (127, 1)] {
+        for camera in cameras(width, height) {
+            let plan = Plan::with_light(&camera, Seeds { camera: 1, shot: 2, sequence: 3 }, 1.0).unwrap();
+            let pixels = (width * height) as usize;
+            let grey = |t: usize| -> Box<[u8]> { (0..pixels).map(|p| (p * 37 + t * 91 + 9) as u8).collect() };
+            let bytes: Vec<_> = (0..3).map(grey).collect();
+            let shorts: Vec<Box<[u16]>> =
+                bytes.iter().map(|b| b.iter().map(|v| u16::from(*v) * 257).collect()).collect();
+            let floats: Vec<Box<[f32]>> =
+                bytes.iter().map(|b| b.iter().map(|v| f32::from(*v) / 255.0).collect()).collect();
+            compare(&plan, &bytes.iter().map(|s| Samples::U8(s)).collect::<Vec<_>>());
+            compare(&plan, &shorts.iter().map(|s| Samples::U16(s)).collect::<Vec<_>>());
+            compare(&plan, &floats.iter().map(|s| Samples::F32(s)).collect::<Vec<_>>());
+        }
+    }
+}
