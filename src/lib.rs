@@ -73,3 +73,8 @@ pub use plan::Plan;
 pub use sensor::Sensor;
 pub use simulate::Simulator;
 pub use spikes::{Geometry, Packed};
+
+// The examples of the page for authors of simulators run with the tests.
+#[cfg(all(doctest, feature = "files"))]
+#[doc = include_str!("../docs/embedding.md")]
+struct Embedding;

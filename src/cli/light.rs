@@ -67,7 +67,12 @@ impl LightArgs {
         if self.motion.is_some() {
             return self.moving(camera, readout);
         }
-        let source = open(&self.input.clone().unwrap_or_default(), &self.options(camera, None))?;
+        let path = self.input.clone().unwrap_or_default();
+        let source = open(&path, &self.options(camera, None)).map_err(|e| match e.kind() {
+            // Whose missing tool it is, is not in every such error.
+            Kind::Tool if !e.to_string().contains(&*path.to_string_lossy()) => e.within(path.display()),
+            _ => e,
+        })?;
         let rate = self.source_hz.or(source.rate());
         let timeline = match (self.readouts_per_frame, rate) {
             (Some(n), _) => Timeline::per_frame(n, self.insertion)?,

@@ -13,8 +13,11 @@ use super::output::Out;
 /// Between two JSON events.
 const PERIOD: Duration = Duration::from_millis(200);
 
+/// Raised when the user wants to stop.
+pub type Stop = Arc<AtomicBool>;
+
 /// A flag that Ctrl-C (or a polite kill) raises, so that unfinished files are removed in order.
-pub fn stop_flag() -> Result<Arc<AtomicBool>> {
+pub fn stop_flag() -> Result<Stop> {
     let stop = Arc::new(AtomicBool::new(false));
     let raised = Arc::clone(&stop);
     ctrlc::set_handler(move || raised.store(true, Ordering::Relaxed))
@@ -26,13 +29,13 @@ pub fn stop_flag() -> Result<Arc<AtomicBool>> {
 pub struct Progress {
     out: Out,
     bar: Option<ProgressBar>,
-    stop: Arc<AtomicBool>,
+    stop: Stop,
     start: Instant,
     said: Instant,
 }
 
 impl Progress {
-    pub fn new(out: &Out, stop: Arc<AtomicBool>) -> Self {
+    pub fn new(out: &Out, stop: Stop) -> Self {
         let now = Instant::now();
         Self { out: *out, bar: None, stop, start: now, said: now }
     }

@@ -15,7 +15,7 @@ use super::camera::CameraArgs;
 use super::light::{Light, LightArgs};
 use super::output::{Out, bytes_text, command_line};
 use super::picture;
-use super::progress::{Progress, stop_flag};
+use super::progress::{Progress, Stop, stop_flag};
 
 /// Turn light into a spike stream
 ///
@@ -117,6 +117,8 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     if !args.dry_run && !args.force {
         names.refuse_existing(args.clean)?;
     }
+    // From here on a request to stop is answered in order.
+    let stop = stop_flag()?;
     let light = args.light.open(&camera)?;
     let job = job(args, &camera, &light, layout, &names)?;
     // Before anything is reserved: what the layout cannot hold, and what would not plan.
@@ -139,7 +141,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
             .expected(format_args!("{} for the streams", bytes_text(needed.unwrap_or(0))))
             .remedy("free some space, choose another disk, or give fewer --readouts"));
     }
-    simulate(args, &job, light, layout, &names, out)
+    simulate(args, &job, light, stop, &names, out)
 }
 
 fn job(args: &Args, camera: &Camera, light: &Light, layout: Layout, names: &Names) -> Result<Run> {
@@ -168,9 +170,9 @@ fn needed_bytes(args: &Args, job: &Run, light: &Light, layout: Layout) -> Result
     Ok(Some(one.saturating_mul(1 + u64::from(args.clean))))
 }
 
-fn simulate(args: &Args, job: &Run, light: Light, layout: Layout, names: &Names, out: &Out) -> Result<()> {
+fn simulate(args: &Args, job: &Run, light: Light, stop: Stop, names: &Names, out: &Out) -> Result<()> {
     let facts = light.facts(&args.light, &job.camera);
-    let (stop, clean) = (stop_flag()?, args.clean.then_some(names.clean.as_path()));
+    let (layout, clean) = (job.layout, args.clean.then_some(names.clean.as_path()));
     let mut progress = Progress::new(out, stop.clone());
     let mut source = Ahead::new(light.source, stop)?;
     let start = Instant::now();

@@ -12,6 +12,10 @@ const TILE: usize = 4096;
 /// nothing, short enough that a tile's bits stay in cache.
 const BATCH: usize = 128;
 
+/// Stack of a thread in bytes.
+#[cfg(feature = "threads")]
+const STACK: usize = 16 << 20;
+
 /// A camera at work: push light, receive packed readouts.
 ///
 /// The state is the camera's only memory. It can be cloned with the
@@ -74,7 +78,9 @@ impl Simulator {
             self.pool = None;
             return Ok(self);
         }
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        // Without optimisation, as in a dependant's debug build, the kernels' frames overflow the
+        // usual 2 MiB; what is not touched costs nothing.
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(STACK).build();
         let pool = pool.map_err(|e| Error::new(Kind::Io, "threads").found(e))?;
         self.pool = Some(std::sync::Arc::new(pool));
         Ok(self)

@@ -1,0 +1,211 @@
+//! `simulate` and the main job, from outside.
+#![cfg(feature = "cli")]
+
+mod program_support;
+
+use std::io::{Read as _, Write as _};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use program_support::{Place, Ran, npy_f32, y4m};
+use spikelane::Backend;
+
+/// Small, and with a last byte that is not full: 63 x 41 pixels.
+const SMALL: &str = "--width 63 --height 41 --readouts 300";
+
+#[test]
+fn the_main_job_writes_everything_and_runs_again_without_loss() {
+    let place = Place::new();
+    let ran = place.good("");
+    let out = |name: &str| format!("out/{name}");
+    for name in ["chart.dat", "chart.clean.dat", "chart.json", "chart.png"] {
+        assert!(ran.stderr.contains(name), "{name} in {}", ran.stderr);
+        assert!(!place.read(&out(name)).is_empty());
+    }
+    assert!(ran.stderr.contains("Gpixel-readouts/s") && ran.stderr.contains("x real time"));
+    assert_eq!(place.read("out/chart.dat").len(), 4000 * 12_500);
+    let sidecar = place.json("out/chart.json");
+    assert_eq!((sidecar["width"].as_u64(), sidecar["readouts"].as_u64()), (Some(400), Some(4000)));
+    // Again: the same bytes under the same names.
+    let before = place.read("out/chart.dat");
+    place.good("");
+    assert!(before == place.read("out/chart.dat"));
+    assert!(!place.path("out/chart-2.dat").exists());
+    // A user's file of that name is left alone.
+    place.write("out/chart.dat", "mine");
+    place.good("");
+    assert_eq!(place.read("out/chart.dat"), b"mine");
+    assert!(place.read("out/chart-2.dat") == before);
+}
+
+#[test]
+fn threads_and_backends_give_the_same_bits() {
+    let place = Place::new();
+    let base = format!("simulate {SMALL} --seed 5 --camera-seed 6 --sequence 7 --clean");
+    place.good(&format!("{base} -o first --threads 1 --backend reference"));
+    let digest = |stem: &str| {
+        let sidecar = place.json(&format!("{stem}.json"));
+        (sidecar["digest"].clone(), sidecar["clean"]["digest"].clone())
+    };
+    for threads in 1..=3 {
+        for backend in Backend::ALL {
+            if !backend.available() {
+                println!("skipped {backend}: this CPU lacks it");
+                continue;
+            }
+            let stem = format!("t{threads}-{backend}");
+            place.good(&format!("{base} -o {stem} --threads {threads} --backend {backend}"));
+            assert_eq!(digest(&stem), digest("first"), "{stem}");
+        }
+    }
+}
+
+#[test]
+fn seeds_move_what_is_theirs_and_a_clean_twin_shares_the_start_phase() {
+    let place = Place::new();
+    // Dead light and no noise but the phase: what is left is the phase itself.
+    place.picture("grey.png", 63, 41, 128);
+    let base = format!("simulate grey.png --transfer linear {SMALL} --clean");
+    place.good(&format!("{base} -o a"));
+    place.good(&format!("{base} -o b --camera-seed 1"));
+    place.good(&format!("{base} -o c --seed 1"));
+    place.good(&format!("{base} -o d --sequence 1"));
+    assert!(place.read("a.clean.dat") == place.read("b.clean.dat"), "the pattern moved the clean stream");
+    assert!(place.read("a.clean.dat") != place.read("c.clean.dat"), "the shot seed left the phase");
+    assert!(place.read("a.clean.dat") != place.read("d.clean.dat"), "the sequence left the phase");
+    assert!(place.read("a.dat") != place.read("b.dat"));
+    // With every other effect off, the noisy stream is its clean twin.
+    let off = "--without prnu --without dark_current --without dark_tail --without hot_pixels \
+               --without shot_noise --without dark_shot_noise --without thermal_noise \
+               --without capacitor_mismatch";
+    place.good(&format!("{base} {off} -o e"));
+    assert!(place.read("e.dat") == place.read("a.clean.dat"));
+}
+
+#[test]
+fn json_is_one_object_a_line_and_people_are_told_on_standard_error() {
+    let place = Place::new();
+    let ran = place.good(&format!("simulate {SMALL} -o a --json"));
+    let events = ran.events();
+    assert_eq!(events.first().unwrap()["event"], "start");
+    assert_eq!(events.last().unwrap()["event"], "done");
+    assert_eq!(events.last().unwrap()["digest"], place.json("a.json")["digest"]);
+    assert!(ran.stderr.contains("a.dat"));
+    let failed = place.run(&format!("simulate {SMALL} -o a --json"));
+    assert_eq!(failed.code, 7);
+    assert_eq!(failed.events()[0]["exit_code"], 7);
+}
+
+#[test]
+fn the_sidecar_holds_what_is_needed_to_make_the_stream_again() {
+    let place = Place::new();
+    place.good(&format!("simulate {SMALL} -o a --seed 3 --exposure 20000 --effect prnu.sigma=0.03"));
+    let sidecar = place.json("a.json");
+    assert_eq!(sidecar["seeds"]["shot"], 3);
+    assert!((sidecar["light"]["exposure_electrons"].as_f64().unwrap() - 20_000.0).abs() < 1e-6);
+    assert_eq!(sidecar["camera"]["effects"]["prnu"]["sigma"], 0.03);
+    assert!(sidecar["command"].as_array().unwrap().iter().any(|a| a == "--exposure"));
+    place.write("again.toml", sidecar["camera"]["toml"].as_str().unwrap());
+    place.good("simulate --preset again.toml --readouts 300 --seed 3 -o b");
+    assert_eq!(place.json("b.json")["digest"], sidecar["digest"]);
+}
+
+#[test]
+fn a_stream_ends_with_its_source_and_hold_shows_each_frame_as_long_as_asked() {
+    let place = Place::new();
+    // Frames of no light and of full light: `ideal` fires never, and at every readout.
+    place.write("video.y4m", y4m(16, 8, &[0, 255, 0]));
+    let ideal = "--preset ideal --without start_phase --width 16 --height 8 --layout npy-bytes";
+    place.good(&format!("simulate video.y4m {ideal} --readouts-per-frame 5 -o a"));
+    let bytes = place.read("a.npy");
+    let data = &bytes[bytes.len() - 15 * 128..];
+    let spikes: Vec<usize> =
+        data.chunks(128).map(|frame| frame.iter().map(|&b| usize::from(b)).sum()).collect();
+    let mut expected = vec![0; 15];
+    expected[5..10].fill(128);
+    assert_eq!(spikes, expected);
+    assert_eq!(place.json("a.json")["readouts"], 15);
+    let ran = place.good(&format!("simulate video.y4m {ideal} --readouts-per-frame 5 --readouts 99 -o b"));
+    assert!(ran.stderr.contains("15 of 99"), "{}", ran.stderr);
+    assert!(place.read("b.npy") == bytes);
+}
+
+#[test]
+fn standard_input_gives_the_bits_of_the_file() {
+    let place = Place::new();
+    let video = y4m(20, 10, &[10, 60, 110, 160, 210]);
+    place.write("video.y4m", &video);
+    for (layout, ending) in [("dat", "dat"), ("npy-bits", "npy")] {
+        let line =
+            format!("--width 20 --height 10 --insertion linear --readouts-per-frame 33 --layout {layout}");
+        place.good(&format!("simulate video.y4m {line} -o file-{layout}"));
+        let line = format!("simulate - {line} -o pipe-{layout}");
+        let mut child = place.command(&line).stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        child.stdin.take().unwrap().write_all(&video).unwrap();
+        let ran = Ran::of(&line, child.wait_with_output().unwrap());
+        assert_eq!(ran.code, 0, "{}", ran.stderr);
+        // The pipe's length was not known before its end; neither file nor digest may show it.
+        assert!(
+            place.read(&format!("file-{layout}.{ending}")) == place.read(&format!("pipe-{layout}.{ending}"))
+        );
+        place.good(&format!("verify pipe-{layout}.json"));
+    }
+}
+
+#[test]
+fn light_beyond_the_greatest_is_counted_and_told() {
+    let place = Place::new();
+    let bright: Vec<f32> = (0..3 * 128).map(|i| if i / 128 == 1 { 5.0 } else { 0.5 }).collect();
+    place.write("bright.npy", npy_f32([3, 8, 16], &bright));
+    let ran = place.good("simulate bright.npy --width 16 --height 8 --readouts-per-frame 10 -o a");
+    assert!(ran.stderr.contains("1 of 3 frames"), "{}", ran.stderr);
+    let light = place.json("a.json")["light"].clone();
+    assert_eq!((light["greatest_light"].as_f64(), light["frames"].as_u64()), (Some(2.0), Some(3)));
+    assert_eq!(light["frames_beyond_greatest_light"], 1);
+}
+
+#[test]
+fn a_dry_run_tells_and_writes_nothing() {
+    let place = Place::new();
+    let ran = place.good(&format!("simulate {SMALL} -o a --clean --dry-run --json"));
+    let told = ran.events().pop().unwrap();
+    assert_eq!(told["readouts"], 300);
+    assert_eq!(told["bytes"], 2 * 300 * (63_u64 * 41).div_ceil(8));
+    assert!(told["seconds"].as_f64().unwrap() > 0.0 && told["free_bytes"].as_u64().unwrap() > 0);
+    assert!(place.names().is_empty());
+}
+
+#[test]
+fn a_closed_pipe_stops_nothing_and_panics_nowhere() {
+    let place = Place::new();
+    for line in ["effects", "preset list", "preset show physical", "man"] {
+        let mut child = place.command(line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        drop(child.stdout.take());
+        let ran = Ran::of(line, child.wait_with_output().unwrap());
+        assert_eq!(ran.code, 0, "{line}: {}", ran.stderr);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_leaves_nothing_even_while_the_input_is_silent() {
+    let place = Place::new();
+    let line = "simulate - --width 20 --height 10 --readouts-per-frame 50 --clean -o a";
+    let mut child = place.command(line).stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    // Kept open: the program waits for more.
+    let mut input = child.stdin.take().unwrap();
+    input.write_all(&y4m(20, 10, &[100, 100])).unwrap();
+    input.flush().unwrap();
+    let start = Instant::now();
+    while !place.names().iter().any(|n| n.ends_with(".partial")) {
+        assert!(start.elapsed() < Duration::from_secs(20), "no stream was begun");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let sent = Command::new("sh").args(["-c", &format!("kill -INT {}", child.id())]).status().unwrap();
+    assert!(sent.success());
+    let status = child.wait().unwrap();
+    let mut said = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    assert_eq!(status.code(), Some(130), "{said}");
+    assert_eq!(place.names(), Vec::<String>::new(), "{said}");
+}
