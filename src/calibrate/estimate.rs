@@ -210,7 +210,7 @@ impl<'a> Fitter<'a> {
     fn point(&self, p: usize, k: usize, level: &Level, sigma: f64) -> Option<Point> {
         let (f, n) = (level.rate[p], level.spikes[p]);
         let of_length = level.readouts > 0;
-        if !(f <= SATURATED) || (of_length && n == 0) {
+        if f.is_nan() || f > SATURATED || (of_length && n == 0) {
             return None;
         }
         let whole = sigma * sigma * psi(f / sigma);
@@ -248,15 +248,15 @@ impl<'a> Fitter<'a> {
     fn pixel(&self, p: usize) -> PixelFit {
         let points: Vec<_> = self.points(p).iter().map(|q| (q.light, q.x, q.variance)).collect();
         let Some(mut fit) = fit_line(&points) else { return PixelFit::UNKNOWN };
-        if is_misfit(&fit) {
-            if let Some((a, d)) = least_absolute(&points) {
-                let worse = fit.chi2 / f64::from(fit.freedom);
-                fit = PixelFit { a, d, robust: true, ..fit };
-                // The levels disagree by more than their errors: so much larger is the line's.
-                fit.var_a *= worse;
-                fit.var_d *= worse;
-                fit.cov *= worse;
-            }
+        if is_misfit(&fit)
+            && let Some((a, d)) = least_absolute(&points)
+        {
+            let worse = fit.chi2 / f64::from(fit.freedom);
+            fit = PixelFit { a, d, robust: true, ..fit };
+            // The levels disagree by more than their errors: so much larger is the line's.
+            fit.var_a *= worse;
+            fit.var_d *= worse;
+            fit.cov *= worse;
         }
         fit
     }
@@ -494,7 +494,7 @@ impl<'a> Fitter<'a> {
     fn draw_thresholds(&mut self) {
         let population = Population::of(self.fits.iter().filter(|f| !f.robust));
         let sigma = population.sigma_phi;
-        if !(sigma.value > 2.0 * sigma.error) {
+        if sigma.value.is_nan() || sigma.value <= 2.0 * sigma.error {
             self.threshold.fill([1.0, sigma.value.max(sigma.error).min(1.0)]);
             return;
         }
@@ -580,7 +580,7 @@ fn solve(h: &[f64], g: &[f64], k: usize) -> Option<(Vec<f64>, Vec<f64>)> {
         for j in 0..=i {
             let dot: f64 = (0..j).map(|m| l[i * k + m] * l[j * k + m]).sum();
             let rest = h[i * k + j] - dot;
-            if i == j && !(rest > 0.0) {
+            if i == j && (rest.is_nan() || rest <= 0.0) {
                 return None;
             }
             l[i * k + j] = if i == j { rest.sqrt() } else { rest / l[j * k + j] };
