@@ -14,85 +14,12 @@ use super::check::{LEAST_SPIKES, SATURATED};
 use super::fit::{PixelFit, Weighting, fit_line, least_absolute};
 use super::observe::{Level, Observed};
 use super::population::Population;
+use super::result::{Calibration, Options, Redrawn};
 use super::selection::{nu, psi};
-use crate::effects::{Camera, Maps, find};
+use super::solve::solve;
 use crate::error::{Error, Kind, Result};
 use crate::measure::{Estimate, finite, median_and_spread};
 use crate::sensor::Sensor;
-
-/// When threshold noise is redrawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Redrawn {
-    /// At every readout: noise adds to the rate.
-    EveryReadout,
-    /// At every reset: it averages out.
-    EveryReset,
-}
-
-/// What the estimator takes as known.
-#[derive(Clone, Copy, Debug)]
-pub struct Options {
-    /// Share of the first increment after a spike that the reset loses.
-    pub lost_increment: f64,
-    /// Relative uncertainty of a light level.
-    pub light_uncertainty: f64,
-    /// When the threshold noise is redrawn; `None` asks the data.
-    pub redrawn: Option<Redrawn>,
-    /// Nominal capacitance in femtofarads: sets units, no spike depends on it.
-    pub capacitance_ff: f64,
-    /// Nominal swing in volts, likewise.
-    pub swing_v: f64,
-    /// Relative standard error of `a` that is asked for, if any.
-    pub precision: Option<f64>,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            lost_increment: 0.002,
-            light_uncertainty: 1e-3,
-            redrawn: None,
-            capacitance_ff: 4.348,
-            swing_v: 1.1,
-            precision: None,
-        }
-    }
-}
-
-/// What a recording set says about a camera. Maps are row-major, one entry per pixel.
-#[derive(Clone, Debug)]
-pub struct Calibration {
-    /// The sensor, with the nominal circuit of the options.
-    pub sensor: Sensor,
-    /// Every pixel's line; NaN for pixels that tell nothing.
-    pub fits: Vec<PixelFit>,
-    /// Posterior mean of the threshold over the nominal one, and its standard deviation.
-    pub threshold: Vec<[f64; 2]>,
-    /// Moments over pixels without defects.
-    pub population: Population,
-    /// Threshold noise over the nominal threshold.
-    pub sigma_t: Estimate,
-    /// Electrons (or photons) per spike.
-    pub electrons: Estimate,
-    /// Share of the dark current's shot noise that is there.
-    pub dark_shot: f64,
-    /// When the threshold noise is redrawn.
-    pub redrawn: Redrawn,
-    /// Rate bias found over rate bias of noise redrawn at every readout: 1 or 0 in theory.
-    pub bias_share: Estimate,
-    /// Light levels and their fitted deviations.
-    pub levels: Vec<(f64, Estimate)>,
-    /// Pixels that never fired in lit recordings.
-    pub dead: Vec<usize>,
-    /// Pixels whose dark current lies six robust deviations above the median.
-    pub hot: Vec<usize>,
-    /// Pixels whose levels do not lie on a line.
-    pub misfits: Vec<usize>,
-    /// Reset delay that was taken as known.
-    pub lost_increment: f64,
-    /// What the data could and could not tell, in sentences.
-    pub notes: Vec<String>,
-}
 
 /// Noise as far as it is known.
 #[derive(Clone, Copy, Debug)]
@@ -571,87 +498,4 @@ fn check_precision(fitter: &Fitter<'_>, population: &Population, options: &Optio
         .found(format_args!("{reached:.2e} with {readouts} readouts a level"))
         .expected(format_args!("{asked:.2e}"))
         .remedy(format_args!("record about {needed:.0} readouts a level")))
-}
-
-/// Solves `h x = g` by Cholesky; also the diagonal of the inverse.
-fn solve(h: &[f64], g: &[f64], k: usize) -> Option<(Vec<f64>, Vec<f64>)> {
-    let mut l = vec![0.0; k * k];
-    for i in 0..k {
-        for j in 0..=i {
-            let dot: f64 = (0..j).map(|m| l[i * k + m] * l[j * k + m]).sum();
-            let rest = h[i * k + j] - dot;
-            if i == j && (rest.is_nan() || rest <= 0.0) {
-                return None;
-            }
-            l[i * k + j] = if i == j { rest.sqrt() } else { rest / l[j * k + j] };
-        }
-    }
-    let column = |right: &[f64]| {
-        let mut y = right.to_vec();
-        for i in 0..k {
-            let dot: f64 = (0..i).map(|m| l[i * k + m] * y[m]).sum();
-            y[i] = (y[i] - dot) / l[i * k + i];
-        }
-        for i in (0..k).rev() {
-            let dot: f64 = (i + 1..k).map(|m| l[m * k + i] * y[m]).sum();
-            y[i] = (y[i] - dot) / l[i * k + i];
-        }
-        y
-    };
-    let variance = |i: usize| {
-        let unit: Vec<f64> = (0..k).map(|j| if i == j { 1.0 } else { 0.0 }).collect();
-        column(&unit)[i]
-    };
-    Some((column(g), (0..k).map(variance).collect()))
-}
-
-impl Calibration {
-    /// The calibrated camera: maps of gain, dark current and threshold voltage, and the noise found.
-    ///
-    /// Pixels that tell nothing get the population's means; dead ones a gain and current of zero.
-    /// The split of `a` and `d` into gain, current and threshold is the posterior mean: no
-    /// static recording depends on it. All of the threshold's spread goes to the voltage.
-    ///
-    /// # Errors
-    /// When a value lies outside the range of its effect.
-    pub fn camera(&self) -> Result<Camera> {
-        let sensor = self.sensor;
-        let to_pa = sensor.capacitance_ff * sensor.swing_v / (sensor.period_s() * 1e3);
-        let mut maps = [Vec::new(), Vec::new(), Vec::new()];
-        for (fit, phi) in self.fits.iter().zip(&self.threshold) {
-            let known = fit.a.is_finite();
-            let a = if known { fit.a } else { self.population.mean_a.value };
-            let d = if known { fit.d } else { self.population.mean_d.value };
-            maps[0].push(a * phi[0]);
-            maps[1].push(d * phi[0] * to_pa);
-            maps[2].push(sensor.swing_v * phi[0]);
-        }
-        for p in &self.dead {
-            maps[0][*p] = 0.0;
-            maps[1][*p] = 0.0;
-        }
-        let [gain, dark, swing] = maps;
-        let nominal = Sensor::electrons(sensor.capacitance_ff * sensor.swing_v);
-        let redraw = if self.redrawn == Redrawn::EveryReadout { 1.0 } else { 0.0 };
-        let mut camera = Camera::ideal(sensor)
-            .with(find("shot_noise")?.neutral().with("strength", nominal / self.electrons.value)?)
-            .with(
-                find("thermal_noise")?
-                    .neutral()
-                    .with("sigma", self.sigma_t.value * sensor.swing_v)?
-                    .with("redraw", redraw)?,
-            )
-            .with(find("start_phase")?.neutral().with("share", 1.0)?);
-        if self.lost_increment > 0.0 {
-            camera = camera.with(find("dead_time")?.neutral().with("lost_fraction", self.lost_increment)?);
-        }
-        if self.dark_shot > 0.0 {
-            camera = camera.with(find("dark_shot_noise")?.neutral().with("strength", self.dark_shot)?);
-        }
-        camera.name = "calibrated".to_owned();
-        camera.source = "fitted by calibrate; see calibration.json and report.html".to_owned();
-        camera.maps =
-            Maps { gain: Some(gain), dark_pa: Some(dark), swing_v: Some(swing), capacitance_ff: None };
-        Ok(camera)
-    }
 }

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use super::estimate::{Calibration, Redrawn};
 use super::observe::Observed;
 use super::population::Population;
+use super::result::{Calibration, Redrawn};
 use crate::error::{Error, Kind, Result};
 use crate::measure::{Estimate, finite, median};
 use crate::report::{Curve, Part, Table, bars, heat_map, page as render};

@@ -1,0 +1,133 @@
+//! What a calibration takes as known and what it gives: maps, moments, and the camera they amount to.
+
+use super::fit::PixelFit;
+use super::population::Population;
+use crate::effects::{Camera, Maps, find};
+use crate::error::Result;
+use crate::measure::Estimate;
+use crate::sensor::Sensor;
+
+/// When threshold noise is redrawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Redrawn {
+    /// At every readout: noise adds to the rate.
+    EveryReadout,
+    /// At every reset: it averages out.
+    EveryReset,
+}
+
+/// What the estimator takes as known.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Share of the first increment after a spike that the reset loses.
+    pub lost_increment: f64,
+    /// Relative uncertainty of a light level.
+    pub light_uncertainty: f64,
+    /// When the threshold noise is redrawn; `None` asks the data.
+    pub redrawn: Option<Redrawn>,
+    /// Nominal capacitance in femtofarads: sets units, no spike depends on it.
+    pub capacitance_ff: f64,
+    /// Nominal swing in volts, likewise.
+    pub swing_v: f64,
+    /// Relative standard error of `a` that is asked for, if any.
+    pub precision: Option<f64>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            lost_increment: 0.002,
+            light_uncertainty: 1e-3,
+            redrawn: None,
+            capacitance_ff: 4.348,
+            swing_v: 1.1,
+            precision: None,
+        }
+    }
+}
+
+/// What a recording set says about a camera. Maps are row-major, one entry per pixel.
+#[derive(Clone, Debug)]
+pub struct Calibration {
+    /// The sensor, with the nominal circuit of the options.
+    pub sensor: Sensor,
+    /// Every pixel's line; NaN for pixels that tell nothing.
+    pub fits: Vec<PixelFit>,
+    /// Posterior mean of the threshold over the nominal one, and its standard deviation.
+    pub threshold: Vec<[f64; 2]>,
+    /// Moments over pixels without defects.
+    pub population: Population,
+    /// Threshold noise over the nominal threshold.
+    pub sigma_t: Estimate,
+    /// Electrons (or photons) per spike.
+    pub electrons: Estimate,
+    /// Share of the dark current's shot noise that is there.
+    pub dark_shot: f64,
+    /// When the threshold noise is redrawn.
+    pub redrawn: Redrawn,
+    /// Rate bias found over rate bias of noise redrawn at every readout: 1 or 0 in theory.
+    pub bias_share: Estimate,
+    /// Light levels and their fitted deviations.
+    pub levels: Vec<(f64, Estimate)>,
+    /// Pixels that never fired in lit recordings.
+    pub dead: Vec<usize>,
+    /// Pixels whose dark current lies six robust deviations above the median.
+    pub hot: Vec<usize>,
+    /// Pixels whose levels do not lie on a line.
+    pub misfits: Vec<usize>,
+    /// Reset delay that was taken as known.
+    pub lost_increment: f64,
+    /// What the data could and could not tell, in sentences.
+    pub notes: Vec<String>,
+}
+
+impl Calibration {
+    /// The calibrated camera: maps of gain, dark current and threshold voltage, and the noise found.
+    ///
+    /// Pixels that tell nothing get the population's means; dead ones a gain and current of zero.
+    /// The split of `a` and `d` into gain, current and threshold is the posterior mean: no
+    /// static recording depends on it. All of the threshold's spread goes to the voltage.
+    ///
+    /// # Errors
+    /// When a value lies outside the range of its effect.
+    pub fn camera(&self) -> Result<Camera> {
+        let sensor = self.sensor;
+        let to_pa = sensor.capacitance_ff * sensor.swing_v / (sensor.period_s() * 1e3);
+        let mut maps = [Vec::new(), Vec::new(), Vec::new()];
+        for (fit, phi) in self.fits.iter().zip(&self.threshold) {
+            let known = fit.a.is_finite();
+            let a = if known { fit.a } else { self.population.mean_a.value };
+            let d = if known { fit.d } else { self.population.mean_d.value };
+            maps[0].push(a * phi[0]);
+            maps[1].push(d * phi[0] * to_pa);
+            maps[2].push(sensor.swing_v * phi[0]);
+        }
+        for p in &self.dead {
+            maps[0][*p] = 0.0;
+            maps[1][*p] = 0.0;
+        }
+        let [gain, dark, swing] = maps;
+        let nominal = Sensor::electrons(sensor.capacitance_ff * sensor.swing_v);
+        let redraw = if self.redrawn == Redrawn::EveryReadout { 1.0 } else { 0.0 };
+        let mut camera = Camera::ideal(sensor)
+            .with(find("shot_noise")?.neutral().with("strength", nominal / self.electrons.value)?)
+            .with(
+                find("thermal_noise")?
+                    .neutral()
+                    .with("sigma", self.sigma_t.value * sensor.swing_v)?
+                    .with("redraw", redraw)?,
+            )
+            .with(find("start_phase")?.neutral().with("share", 1.0)?);
+        if self.lost_increment > 0.0 {
+            camera = camera.with(find("dead_time")?.neutral().with("lost_fraction", self.lost_increment)?);
+        }
+        if self.dark_shot > 0.0 {
+            camera = camera.with(find("dark_shot_noise")?.neutral().with("strength", self.dark_shot)?);
+        }
+        camera.name = "calibrated".to_owned();
+        camera.source = "fitted by calibrate; see calibration.json and report.html".to_owned();
+        camera.maps =
+            Maps { gain: Some(gain), dark_pa: Some(dark), swing_v: Some(swing), capacitance_ff: None };
+        Ok(camera)
+    }
+}
