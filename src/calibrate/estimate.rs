@@ -175,7 +175,7 @@ impl<'a> Fitter<'a> {
     fn pixel(&self, p: usize) -> PixelFit {
         let points: Vec<_> = self.points(p).iter().map(|q| (q.light, q.x, q.variance)).collect();
         let Some(mut fit) = fit_line(&points) else { return PixelFit::UNKNOWN };
-        if is_misfit(&fit)
+        if fit.is_misfit()
             && let Some((a, d)) = least_absolute(&points)
         {
             let worse = fit.chi2 / f64::from(fit.freedom);
@@ -471,16 +471,6 @@ impl<'a> Fitter<'a> {
             notes: self.notes,
         })
     }
-}
-
-/// Whether the chi-square is beyond five deviations (Wilson and Hilferty's cube root).
-fn is_misfit(fit: &PixelFit) -> bool {
-    if fit.freedom < 2 {
-        return false;
-    }
-    let n = f64::from(fit.freedom);
-    let c = 2.0 / (9.0 * n);
-    ((fit.chi2 / n).cbrt() - 1.0 + c) / c.sqrt() > 5.0
 }
 
 fn check_precision(fitter: &Fitter<'_>, population: &Population, options: &Options) -> Result<()> {

@@ -45,6 +45,16 @@ pub struct PixelFit {
 }
 
 impl PixelFit {
+    /// Whether the chi-square is beyond five deviations (Wilson and Hilferty's cube root).
+    pub(super) fn is_misfit(&self) -> bool {
+        if self.freedom < 2 {
+            return false;
+        }
+        let n = f64::from(self.freedom);
+        let c = 2.0 / (9.0 * n);
+        ((self.chi2 / n).cbrt() - 1.0 + c) / c.sqrt() > 5.0
+    }
+
     /// A pixel that could not be fitted: NaN.
     pub const UNKNOWN: Self = Self {
         a: f64::NAN,

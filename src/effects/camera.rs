@@ -4,7 +4,6 @@ use crate::draws::Seeds;
 use crate::error::{Error, Kind, Result};
 use crate::pixel::{Law, Op, Quanta};
 use crate::sensor::Sensor;
-use crate::units::ELECTRON_FC;
 
 use super::circuit::Circuit;
 use super::definition::{Effect, Operating};
@@ -262,7 +261,7 @@ impl Model {
     pub fn start_charge(&self, threshold: f64, first: f64, second: f64) -> f64 {
         let phases = self.ops.iter().filter_map(|op| match *op {
             Op::Phase { share, charge_fc } => {
-                let charge = charge_fc / (self.circuit.nominal_ff * self.circuit.nominal_v);
+                let charge = charge_fc / self.circuit.threshold_fc();
                 Some(share * first * threshold + charge * second)
             }
             _ => None,
@@ -273,6 +272,6 @@ impl Model {
     /// Electrons in a nominal threshold.
     #[must_use]
     pub fn electrons(&self) -> f64 {
-        self.circuit.threshold_fc() / ELECTRON_FC
+        self.circuit.electrons()
     }
 }

@@ -15,6 +15,7 @@ mod state;
 mod tables;
 
 pub use bounds::Bounds;
+pub(crate) use state::OTHER_PLAN;
 pub use state::{State, StateParts};
 pub use tables::{Flip, NoiseTable, Rules, Shot, Tables};
 

@@ -44,6 +44,9 @@ pub struct StateParts<'a> {
     pub held_fraction: &'a mut [i16],
 }
 
+/// What a state is that [`State::fits`] refuses.
+pub(crate) const OTHER_PLAN: &str = "a state of another size or of other effects";
+
 const MAGIC: [u8; 8] = *b"spkstat1";
 
 impl State {
@@ -83,6 +86,11 @@ impl State {
         [charge, fraction, surplus, fired, held, held_fraction]
     }
 
+    /// Whether this could be a state of the plan whose fresh state is `like`.
+    pub(crate) fn fits(&self, like: &Self) -> bool {
+        self.columns().map(Vec::len) == like.columns().map(Vec::len)
+    }
+
     /// The state as bytes, little-endian, with a header that says which parts there are.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
@@ -97,24 +105,25 @@ impl State {
         bytes
     }
 
+    pub(crate) fn foreign(found: &str) -> Error {
+        Error::new(Kind::Input, "saved state").found(found).expected("the state of a run of this plan")
+    }
+
     /// Reads back [`State::to_bytes`] for a plan whose fresh state is `like`.
     ///
     /// # Errors
     /// When the bytes are no state, or one of another plan.
     pub fn from_bytes(bytes: &[u8], like: &Self) -> Result<Self> {
-        let foreign = |found: &str| {
-            Error::new(Kind::Input, "saved state").found(found).expected("the state of a run of this plan")
-        };
         let header = MAGIC.len() + 8 + 6 * 8;
         if bytes.len() < header || bytes[..8] != MAGIC {
-            return Err(foreign("other bytes"));
+            return Err(Self::foreign("other bytes"));
         }
         let word = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));
         let lengths: [u64; 6] = std::array::from_fn(|i| word(16 + 8 * i));
         let expected = like.columns().map(|c| c.len() as u64);
         let total = header as u64 + 2 * expected.iter().sum::<u64>();
         if lengths != expected || bytes.len() as u64 != total {
-            return Err(foreign("a state of another size or of other effects"));
+            return Err(Self::foreign(OTHER_PLAN));
         }
         let (words, _) = bytes[header..].as_chunks::<2>();
         let mut values = words.iter().map(|w| i16::from_le_bytes(*w));

@@ -2,7 +2,7 @@ use crate::draws::Seeds;
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
 use crate::kernels::{self, Backend, Batch, Job, Light, Segment};
-use crate::plan::{LANES, Plan, State, StateParts};
+use crate::plan::{LANES, OTHER_PLAN, Plan, State, StateParts};
 use crate::simulate::FrameRef;
 
 /// Pixels of a tile: its tables, state and bits stay in the first-level cache.
@@ -110,8 +110,10 @@ impl Simulator {
     /// # Errors
     /// When the state belongs to another plan.
     pub fn resume(&mut self, state: State) -> Result<()> {
-        let bytes = state.to_bytes();
-        self.state = State::from_bytes(&bytes, &self.plan.start())?;
+        if !state.fits(&self.state) {
+            return Err(State::foreign(OTHER_PLAN));
+        }
+        self.state = state;
         Ok(())
     }
 
