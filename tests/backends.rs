@@ -1,6 +1,7 @@
 //! Every backend equals the reference bit for bit, for any plan, size, tile and light.
 
 use proptest::prelude::*;
+use proptest::strategy::ValueTree;
 use spikelane::draws::Seeds;
 use spikelane::effects::{self, Camera};
 use spikelane::kernels::{self, Backend, Batch, Job, Light, Samples, Segment};
@@ -142,4 +143,21 @@ proptest! {
         let (_, state) = run(&plan, &frames, readouts, tile * 64, Backend::Reference);
         prop_assert_eq!(&expected.1, &state, "tile {}", tile);
     }
+}
+
+#[test]
+fn most_random_cameras_can_be_planned_and_fire() {
+    // The comparison above skips refused plans; this one sees that few are.
+    let mut runner = proptest::test_runner::TestRunner::deterministic();
+    let (mut planned, mut fired) = (0, 0);
+    for _ in 0..100 {
+        let camera = camera(40, 3).new_tree(&mut runner).unwrap().current();
+        let Ok(plan) = Plan::with_light(&camera, Seeds::default(), 1.2) else { continue };
+        planned += 1;
+        let frames = Frames::U8(vec![90; 120], vec![200; 120]);
+        let (bits, _) = run(&plan, &frames, 40, 64, Backend::Reference);
+        fired += usize::from(bits.iter().any(|tile| tile.iter().any(|byte| *byte != 0)));
+    }
+    println!("{planned} of 100 cameras planned, {fired} fired");
+    assert!(planned >= 50 && fired >= 50, "{planned} planned, {fired} fired");
 }
