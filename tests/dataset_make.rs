@@ -23,7 +23,6 @@ fn options(output: &Path, work: Work) -> Options {
         licence: Some("CC-BY-4.0".into()),
         threads: 1,
         resume: false,
-        command: Vec::new(),
     }
 }
 

@@ -191,7 +191,6 @@ impl Args {
             licence: self.licence.clone(),
             threads: self.threads.map_or(cpus, usize::from),
             resume: self.resume,
-            command: std::env::args_os().map(|a| a.to_string_lossy().into_owned()).collect(),
         })
     }
 

@@ -145,8 +145,6 @@ pub struct Options {
     pub threads: usize,
     /// Go on with a dataset that was begun.
     pub resume: bool,
-    /// The command, for records.
-    pub command: Vec<String>,
 }
 
 /// What a dataset will take.
