@@ -6,6 +6,9 @@
 #[path = "../src/cli/bench/scalar.rs"]
 mod scalar;
 
+#[path = "../src/cli/bench/timing.rs"]
+mod timing;
+
 use std::time::{Duration, Instant};
 
 use criterion::{BenchmarkId, Criterion, Throughput};
@@ -123,7 +126,34 @@ fn beside_the_plain_loop() {
     }
 }
 
+/// The ideal camera with a new frame at every readout, all of them in memory, beside what a plain
+/// sum over an array reads; three times in turn, since both vary.
+fn from_memory() {
+    let plan = Plan::new(&camera("ideal"), Seeds::default()).unwrap();
+    let frames: Vec<Vec<u8>> =
+        (0..2048).map(|t| (0..PIXELS).map(|p| ((p * 7 + t * 13) % 200) as u8).collect()).collect();
+    let new: Vec<_> =
+        frames.iter().map(|f| Segment { readouts: 1, light: Light::Held(Samples::U8(f)) }).collect();
+    let mut out = vec![0; READOUTS * TILE / 8];
+    for backend in backends() {
+        for _ in 0..3 {
+            let budget = Duration::from_millis(300);
+            let bytes = timing::rate(budget, (PIXELS * frames.len()) as f64, || {
+                for segments in new.chunks(READOUTS) {
+                    std::hint::black_box(run(&plan, backend, segments, &mut out));
+                }
+            });
+            let read = timing::read_bandwidth(budget);
+            let share = 100.0 * bytes / read;
+            println!("{backend}: {:.2} of {:.2} GB/s from memory, {share:.0} %", bytes / 1e9, read / 1e9);
+        }
+    }
+}
+
 fn main() {
+    if std::env::args().any(|a| a == "memory") {
+        return from_memory();
+    }
     beside_the_plain_loop();
     let mut criterion = Criterion::default()
         .sample_size(10)

@@ -205,6 +205,16 @@ impl Lanes for Avx2 {
         proven!(_mm_movemask_epi8(_mm_packs_epi16(low, high))) as u32
     }
     #[inline(always)]
+    fn store_bits(self, to: &mut [u8], at: usize, m: __m256i) {
+        let to = &mut to[at..at + 2];
+        memory!(to.as_mut_ptr().cast::<u16>().write_unaligned((self.bits(m) as u16).to_le()));
+    }
+    #[inline(always)]
+    fn prefetch(self, line: *const u8) {
+        // No access: an address without memory behind it is passed over.
+        proven!(_mm_prefetch::<_MM_HINT_T0>(line.cast()));
+    }
+    #[inline(always)]
     fn load_pairs(self, from: &[u32], at: usize) -> __m256i {
         let from = &from[at..at + 8];
         memory!(_mm256_loadu_si256(from.as_ptr().cast()))
@@ -312,10 +322,6 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn to_f(self, a: Pair) -> PairF {
         both!(a => proven!(_mm256_cvtepi32_ps(a)))
-    }
-    #[inline(always)]
-    fn bits_of_f(self, a: PairF) -> Pair {
-        both!(a => proven!(_mm256_castps_si256(a)))
     }
     #[inline(always)]
     fn f_of_bits(self, a: Pair) -> PairF {

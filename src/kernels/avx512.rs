@@ -239,6 +239,16 @@ impl Lanes for Avx512 {
         m
     }
     #[inline(always)]
+    fn store_bits(self, to: &mut [u8], at: usize, m: __mmask32) {
+        let to = &mut to[at..at + 4];
+        memory!(to.as_mut_ptr().cast::<u32>().write_unaligned((self.bits(m)).to_le()));
+    }
+    #[inline(always)]
+    fn prefetch(self, line: *const u8) {
+        // No access: an address without memory behind it is passed over.
+        proven!(_mm_prefetch::<_MM_HINT_T0>(line.cast()));
+    }
+    #[inline(always)]
     fn load_pairs(self, from: &[u32], at: usize) -> __m512i {
         let from = &from[at..at + 16];
         memory!(_mm512_loadu_si512(from.as_ptr().cast()))
@@ -345,10 +355,6 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn to_f(self, a: Pair) -> PairF {
         both!(a => proven!(_mm512_cvtepi32_ps(a)))
-    }
-    #[inline(always)]
-    fn bits_of_f(self, a: PairF) -> Pair {
-        both!(a => proven!(_mm512_castps_si512(a)))
     }
     #[inline(always)]
     fn f_of_bits(self, a: Pair) -> PairF {

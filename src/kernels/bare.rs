@@ -1,10 +1,9 @@
 //! Plans without temporal noise: four vectors together, because each readout
 //! is so short that one vector alone would wait for its own results.
 
-use crate::kernels::body::write;
 use crate::kernels::increment::{Increment, Sample, cut_off, sample, sample_bytes};
 use crate::kernels::lanes::Lanes;
-use crate::kernels::pass::{FRAMES, Pass, passes};
+use crate::kernels::pass::{Ahead, FRAMES, Pass, passes};
 use crate::kernels::pixels::{Constants, Pixels};
 use crate::kernels::step;
 use crate::kernels::{Job, Light, Samples};
@@ -23,24 +22,40 @@ pub(super) fn bare<L: Lanes, const STORE: u8, const WHOLE: bool>(
 ) {
     let pixels = job.plan.geometry().pixels().saturating_sub(job.range().start);
     for pass in passes(job) {
-        let bytes = pass.frames::<u8>();
-        let shorts = pass.frames::<u16>();
-        let floats = pass.frames::<f32>();
+        let (bytes, next_bytes) = (pass.frames::<u8>(), pass.ahead::<u8>());
+        let (shorts, next_shorts) = (pass.frames::<u16>(), pass.ahead::<u16>());
+        let (floats, next_floats) = (pass.frames::<f32>(), pass.ahead::<f32>());
         let mut at = 0;
         while at + TOGETHER * L::N <= job.pixels() {
             let inside = at + TOGETHER * L::N <= pixels;
             match pass.single {
                 Some(Samples::U8(_)) if WHOLE && inside => {
-                    grey::<L, STORE, TOGETHER>(l, job, state, out, at, &pass, &bytes);
+                    grey::<L, STORE, TOGETHER>(l, job, state, out, at, &pass, (&bytes, &next_bytes));
                 }
                 Some(Samples::U8(_)) if inside => {
-                    singles::<L, u8, STORE, TOGETHER>(l, job, state, out, at, &pass, &bytes);
+                    singles::<L, u8, STORE, TOGETHER>(l, job, state, out, at, &pass, (&bytes, &next_bytes));
                 }
                 Some(Samples::U16(_)) if inside => {
-                    singles::<L, u16, STORE, TOGETHER>(l, job, state, out, at, &pass, &shorts);
+                    singles::<L, u16, STORE, TOGETHER>(
+                        l,
+                        job,
+                        state,
+                        out,
+                        at,
+                        &pass,
+                        (&shorts, &next_shorts),
+                    );
                 }
                 Some(Samples::F32(_)) if inside => {
-                    singles::<L, f32, STORE, TOGETHER>(l, job, state, out, at, &pass, &floats);
+                    singles::<L, f32, STORE, TOGETHER>(
+                        l,
+                        job,
+                        state,
+                        out,
+                        at,
+                        &pass,
+                        (&floats, &next_floats),
+                    );
                 }
                 _ => mixed::<L, STORE, WHOLE, TOGETHER>(l, job, state, out, at, &pass),
             }
@@ -89,16 +104,18 @@ fn grey<L: Lanes, const STORE: u8, const U: usize>(
     out: &mut [u8],
     at: usize,
     pass: &Pass<'_>,
-    frames: &[&[u8]; FRAMES],
+    (frames, next): (&[&[u8]; FRAMES], &Ahead<'_, u8>),
 ) {
     let (constants, mut pixels) = load::<L, U>(l, job, state, at);
-    for (row, frame) in pass.bits(job, out).zip(frames) {
+    next.fetch(l, constants[0].p, U * L::N);
+    let (mut rows, mut frames) = (pass.bits(job, out), frames.iter());
+    while let (Some(row), Some(frame)) = (rows.next(), frames.next()) {
         let frame = &frame[constants[0].p..][..U * L::N];
         let row = &mut row[at / 8..][..U * L::N / 8];
         for u in 0..U {
             let increment = Increment::whole(l, &constants[u], l.bytes(frame, u * L::N));
             let fired = step::bare::<L, STORE, true>(l, &constants[u], &increment, &mut pixels[u]);
-            write(l, row, u * L::N / 8, fired);
+            l.store_bits(row, u * L::N / 8, fired);
         }
     }
     store(l, &pixels, state, at);
@@ -113,18 +130,20 @@ fn singles<L: Lanes, T: Sample, const STORE: u8, const U: usize>(
     out: &mut [u8],
     at: usize,
     pass: &Pass<'_>,
-    frames: &[&[T]; FRAMES],
+    (frames, next): (&[&[T]; FRAMES], &Ahead<'_, T>),
 ) {
     let (constants, mut pixels) = load::<L, U>(l, job, state, at);
     let greatest = job.plan.rules().greatest_light;
-    for (row, frame) in pass.bits(job, out).zip(frames) {
+    next.fetch(l, constants[0].p, U * L::N);
+    let (mut rows, mut frames) = (pass.bits(job, out), frames.iter());
+    while let (Some(row), Some(frame)) = (rows.next(), frames.next()) {
         let frame = &frame[constants[0].p..][..U * L::N];
         let row = &mut row[at / 8..][..U * L::N / 8];
         for u in 0..U {
             let light = cut_off(l, greatest, T::light(l, frame, u * L::N), T::UNBOUNDED);
             let increment = Increment::new::<false, false>(l, &constants[u], light);
             let fired = step::bare::<L, STORE, false>(l, &constants[u], &increment, &mut pixels[u]);
-            write(l, row, u * L::N / 8, fired);
+            l.store_bits(row, u * L::N / 8, fired);
         }
     }
     store(l, &pixels, state, at);
@@ -156,13 +175,14 @@ fn mixed<L: Lanes, const STORE: u8, const WHOLE: bool, const U: usize>(
                     for u in 0..U {
                         let fired =
                             step::bare::<L, STORE, WHOLE>(l, &constants[u], &increments[u], &mut pixels[u]);
-                        write(l, row, u * L::N / 8, fired);
+                        l.store_bits(row, u * L::N / 8, fired);
                     }
                 }
             }
             Light::Between { from, to, weights } => {
-                for (t, &weight) in readouts.clone().zip(weights) {
-                    let row = &mut out[t * bytes + at / 8..][..U * L::N / 8];
+                for t in readouts.clone() {
+                    let weight = weights[t - readouts.start];
+                    let row = &mut out[t * bytes..(t + 1) * bytes][at / 8..at / 8 + U * L::N / 8];
                     for u in 0..U {
                         let c = &constants[u];
                         let start = sample(l, from, c.p);
@@ -171,7 +191,7 @@ fn mixed<L: Lanes, const STORE: u8, const WHOLE: bool, const U: usize>(
                         let light = cut_off(l, greatest, light, true);
                         let increment = Increment::new::<false, false>(l, c, light);
                         let fired = step::bare::<L, STORE, false>(l, c, &increment, &mut pixels[u]);
-                        write(l, row, u * L::N / 8, fired);
+                        l.store_bits(row, u * L::N / 8, fired);
                     }
                 }
             }

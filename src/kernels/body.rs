@@ -26,7 +26,7 @@ use std::ops::Range;
 use crate::kernels::bare::bare;
 use crate::kernels::increment::{Fine, Increment, Sample, cut_off, sample};
 use crate::kernels::lanes::Lanes;
-use crate::kernels::pass::{Pass, Row, passes};
+use crate::kernels::pass::{Pass, Row, Rows, passes};
 use crate::kernels::pixels::{Constants, Pixels};
 use crate::kernels::rare;
 use crate::kernels::step::{self, CLAMPED, FREE, NONE, READOUT, RESET, SURPLUS};
@@ -140,7 +140,7 @@ fn singles<L: Lanes, T: Sample, const NOISE: u8, const STORE: u8, const ANY: boo
     out: &mut [u8],
 ) -> usize {
     let frames = pass.frames::<T>();
-    let frames = &frames[..pass.segments.len()];
+    let (frames, next) = (&frames[..pass.segments.len()], pass.ahead::<T>());
     let greatest = job.plan.rules().greatest_light;
     let brightest = l.splat_f(greatest);
     // Nothing to ask at a readout but its light: known for a whole pass.
@@ -155,7 +155,9 @@ fn singles<L: Lanes, T: Sample, const NOISE: u8, const STORE: u8, const ANY: boo
             if is_bright::<L, T>(l, frames, greatest, &d) {
                 let (c, d) = (Constants { clip: false, ..c }, Constants { clip: false, ..d });
                 let mut others = Pixels::load(l, state, at + L::N);
-                for (row, frame) in pass.rows(job, out).zip(frames) {
+                next.fetch(l, c.p, 2 * L::N);
+                let (mut rows, mut frames) = (Rows::new(job, pass.readouts(), out), frames.iter());
+                while let (Some(row), Some(frame)) = (rows.next(), frames.next()) {
                     let frame = &frame[c.p..][..2 * L::N];
                     let (light, more) = (T::light(l, frame, 0), T::light(l, frame, L::N));
                     let (light, more) = if T::UNBOUNDED {
@@ -170,8 +172,8 @@ fn singles<L: Lanes, T: Sample, const NOISE: u8, const STORE: u8, const ANY: boo
                     let also =
                         step::noisy::<L, NOISE, STORE>(l, job, &row, &d, &increment, None, &mut others);
                     let bits = &mut row.bits[at / 8..][..const { L::N / 4 }];
-                    write(l, bits, 0, fired);
-                    write(l, bits, const { L::N / 8 }, also);
+                    l.store_bits(bits, 0, fired);
+                    l.store_bits(bits, const { L::N / 8 }, also);
                 }
                 pixels.store(l, state, at);
                 others.store(l, state, at + L::N);
@@ -179,7 +181,9 @@ fn singles<L: Lanes, T: Sample, const NOISE: u8, const STORE: u8, const ANY: boo
                 continue;
             }
         }
-        for (row, frame) in pass.rows(job, out).zip(frames) {
+        next.fetch(l, c.p, L::N);
+        let (mut rows, mut frames) = (Rows::new(job, pass.readouts(), out), frames.iter());
+        while let (Some(row), Some(frame)) = (rows.next(), frames.next()) {
             let light = cut_off(l, greatest, T::light(l, frame, c.p), T::UNBOUNDED);
             let increment = Increment::new::<true, ANY>(l, &c, light);
             let fine = if increment.any_fine { Fine::new(l, job, c.p, light) } else { None };
@@ -187,7 +191,7 @@ fn singles<L: Lanes, T: Sample, const NOISE: u8, const STORE: u8, const ANY: boo
                 None => any::<L, NOISE, STORE, ANY>(l, job, &row, &c, &increment, None, &mut pixels),
                 some => any::<L, NOISE, STORE, ANY>(l, job, &row, &c, &increment, some.as_ref(), &mut pixels),
             };
-            write(l, row.bits, at / 8, fired);
+            l.store_bits(row.bits, at / 8, fired);
         }
         pixels.store(l, state, at);
         at += L::N;
@@ -228,12 +232,12 @@ fn pair<L: Lanes, const NOISE: u8, const STORE: u8>(
     }
     let mut pixels = Pixels::load(l, state, at);
     let mut others = Pixels::load(l, state, at + L::N);
-    for row in Row::all(job, readouts.clone(), out) {
+    for row in Rows::new(job, readouts.clone(), out) {
         let fired = step::noisy::<L, NOISE, STORE>(l, job, &row, &c, &increment, None, &mut pixels);
         let more = step::noisy::<L, NOISE, STORE>(l, job, &row, &d, &other, None, &mut others);
         let bits = &mut row.bits[at / 8..][..const { L::N / 4 }];
-        write(l, bits, 0, fired);
-        write(l, bits, const { L::N / 8 }, more);
+        l.store_bits(bits, 0, fired);
+        l.store_bits(bits, const { L::N / 8 }, more);
     }
     pixels.store(l, state, at);
     others.store(l, state, at + L::N);
@@ -262,9 +266,9 @@ fn mixed<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
             Light::Between { from, to, weights } => {
                 let start = sample(l, from, c.p);
                 let way = l.sub_f(sample(l, to, c.p), start);
-                for (t, &weight) in readouts.clone().zip(weights) {
-                    let light = l.add_f(start, l.mul_f(way, l.splat_f(weight)));
-                    let light = cut_off(l, greatest, light, true);
+                for t in readouts.clone() {
+                    let weight = l.splat_f(weights[t - readouts.start]);
+                    let light = cut_off(l, greatest, l.add_f(start, l.mul_f(way, weight)), true);
                     stretch::<L, NOISE, STORE, ANY>(l, job, &c, &mut pixels, t..t + 1, light, out, at);
                 }
             }
@@ -289,14 +293,14 @@ fn stretch<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
     if increment.any_fine
         && let Some(fine) = Fine::new(l, job, c.p, light)
     {
-        for row in Row::all(job, readouts, out) {
+        for row in Rows::new(job, readouts, out) {
             let fired = any::<L, NOISE, STORE, ANY>(l, job, &row, c, &increment, Some(&fine), pixels);
-            write(l, row.bits, at / 8, fired);
+            l.store_bits(row.bits, at / 8, fired);
         }
     } else {
-        for row in Row::all(job, readouts, out) {
+        for row in Rows::new(job, readouts, out) {
             let fired = any::<L, NOISE, STORE, ANY>(l, job, &row, c, &increment, None, pixels);
-            write(l, row.bits, at / 8, fired);
+            l.store_bits(row.bits, at / 8, fired);
         }
     }
 }
@@ -317,12 +321,4 @@ fn any<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
     } else {
         step::noisy::<L, NOISE, STORE>(l, job, row, c, increment, fine, pixels)
     }
-}
-
-/// Writes the bits of a vector into its place in the row.
-#[inline(always)]
-pub(super) fn write<L: Lanes>(l: L, row: &mut [u8], at: usize, fired: L::Mask) {
-    let bits = l.bits(fired).to_le_bytes();
-    let count = const { L::N / 8 };
-    row[at..at + count].copy_from_slice(&bits[..count]);
 }

@@ -8,7 +8,6 @@ use crate::kernels::{Job, Samples};
 // The same numbers as in the reference, which derives them.
 const MOST: f32 = 2_147_418_112.0;
 const LEAST: f32 = -1_073_741_824.0;
-const ROOT: f32 = (0.703_952_25 * 32_768.0 / gauss::SCALE / 65_536.0) as f32;
 const PER_UNIT: f32 = (1.0 / gauss::SCALE) as f32;
 
 /// Increments of a vector under one light, and its noise in whole steps.
@@ -58,7 +57,7 @@ impl<L: Lanes> Increment<L> {
         }
         if SHOT {
             let variance = l.add_f(l.mul_f(light, c.slope), c.offset);
-            let multiplier = l.select_less_f(light, c.whole_from, l.splat_f(0.0), root(l, variance));
+            let multiplier = l.select_less_f(light, c.whole_from, l.splat_f(0.0), l.sqrt_f(variance));
             result.multiplier = l.low(l.round(multiplier));
             result.any_fine = l.any_less_f(light, c.whole_from);
         }
@@ -71,7 +70,7 @@ impl<L: Lanes> Increment<L> {
         let word = fixed(l, l.add_f(l.mul_f(light, c.gain), c.dark), c.clip);
         let mut result = Self::of_halves(l, l.high(word), l.low(word));
         let variance = l.add_f(l.mul_f(light, c.slope), c.offset);
-        result.multiplier = l.low(l.round(root(l, variance)));
+        result.multiplier = l.low(l.round(l.sqrt_f(variance)));
         result
     }
 
@@ -138,15 +137,6 @@ pub(super) fn fixed<L: Lanes>(l: L, value: L::Float, clip: bool) -> L::Word {
         return l.round(l.min_f(l.max_f(value, l.splat_f(LEAST)), l.splat_f(MOST)));
     }
     l.round(value)
-}
-
-/// See the reference's `root`.
-#[inline(always)]
-fn root<L: Lanes>(l: L, x: L::Float) -> L::Float {
-    let guess = l.f_of_bits(l.sub_w(l.splat_w(0x5f1f_fff9), l.shr_w::<1>(l.bits_of_f(x))));
-    let t = l.mul_f(x, guess);
-    let newton = l.sub_f(l.splat_f(2.389_244_6), l.mul_f(t, guess));
-    l.mul_f(t, l.mul_f(l.splat_f(ROOT), newton))
 }
 
 /// A kind of light sample.

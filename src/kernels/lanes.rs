@@ -60,6 +60,22 @@ pub(crate) trait Lanes: Copy {
     fn not(self, a: Self::Mask) -> Self::Mask;
     /// Bit `i` is pixel `i`; bits from `N` on are zero.
     fn bits(self, m: Self::Mask) -> u32;
+    /// [`Lanes::bits`] as `N / 8` bytes from `at` on, the lowest bits first.
+    #[inline(always)]
+    fn store_bits(self, to: &mut [u8], at: usize, m: Self::Mask) {
+        let bits = self.bits(m);
+        let to = &mut to[at..at + const { Self::N / 8 }];
+        let mut i = 0;
+        while i < const { Self::N / 8 } {
+            to[i] = (bits >> (8 * i)) as u8;
+            i += 1;
+        }
+    }
+    /// Asks for the cache line at an address, which need not exist; changes nothing but the time.
+    #[inline(always)]
+    fn prefetch(self, line: *const u8) {
+        let _ = line;
+    }
 
     /// `N / 2` words of 32 bits from position `at`.
     fn load_pairs(self, from: &[u32], at: usize) -> Self::Half;
@@ -93,7 +109,6 @@ pub(crate) trait Lanes: Copy {
     fn truncate(self, a: Self::Float) -> Self::Word;
     /// Signed integers to floats.
     fn to_f(self, a: Self::Word) -> Self::Float;
-    fn bits_of_f(self, a: Self::Float) -> Self::Word;
     fn f_of_bits(self, a: Self::Word) -> Self::Float;
 
     fn load_words(self, from: &[u32], at: usize) -> Self::Word;

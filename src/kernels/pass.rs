@@ -1,20 +1,49 @@
 //! A batch cut into passes, and a pass into rows.
 
 use std::ops::Range;
+use std::slice::{ChunksExactMut, Iter};
 
 use crate::draws::hash::Round;
 use crate::kernels::increment::Sample;
+use crate::kernels::lanes::Lanes;
 use crate::kernels::{Job, Light, Samples};
 
 /// Frames of a pass.
-pub(super) const FRAMES: usize = 8;
+pub(super) const FRAMES: usize = 16;
 
 /// A run of readouts that is taken to its end for every vector in turn.
 pub(super) struct Pass<'a> {
     pub segments: &'a [(Range<usize>, Light<'a>)],
     /// Set when every readout has a held frame of its own, all of one kind: the first of them.
     pub single: Option<Samples<'a>>,
+    /// The segments whose light is read next, and how many pixels further on.
+    next: (&'a [(Range<usize>, Light<'a>)], usize),
 }
+
+/// Frames to be fetched in good time. The CPU's own prefetchers stop at the end of a page, and a
+/// pass reads a page or less of each frame, so that without this every one began with a wait.
+pub(super) struct Ahead<'a, T> {
+    frames: [&'a [T]; FRAMES],
+    further: usize,
+}
+
+impl<T: Sample> Ahead<'_, T> {
+    /// Asks for the `count` samples in the place of pixel `p` of each frame.
+    #[inline(always)]
+    pub fn fetch<L: Lanes>(&self, l: L, p: usize, count: usize) {
+        for frame in &self.frames {
+            let mut at = 0;
+            while at < count {
+                // Behind the last tile this lies outside of the frame.
+                l.prefetch(frame.as_ptr().wrapping_add(p + self.further + at).cast());
+                at += const { LINE / size_of::<T>() };
+            }
+        }
+    }
+}
+
+/// Bytes of a cache line.
+const LINE: usize = 64;
 
 /// One readout's words and bits.
 pub(super) struct Row<'a> {
@@ -28,7 +57,26 @@ pub(super) struct Row<'a> {
 
 /// The passes of a batch.
 pub(super) fn passes<'a>(job: &Job<'a>) -> impl Iterator<Item = Pass<'a>> + use<'a> {
-    job.batch.segments().chunks(FRAMES).map(|segments| Pass { segments, single: single(segments) })
+    let (all, tile) = (job.batch.segments(), job.pixels());
+    (0..all.len()).step_by(FRAMES).map(move |first| {
+        let end = all.len().min(first + FRAMES);
+        let segments = &all[first..end];
+        // Behind the last pass comes the first of the next tile.
+        let (next, further) = if end < all.len() { (end, 0) } else { (0, tile) };
+        let next = (&all[next..all.len().min(next + FRAMES)], further);
+        Pass { segments, single: single(segments), next }
+    })
+}
+
+/// The frames of `segments`, one each, where they are held and of this kind.
+fn frames<'a, T: Sample>(segments: &[(Range<usize>, Light<'a>)]) -> [&'a [T]; FRAMES] {
+    let mut frames = [&[] as &[T]; FRAMES];
+    for (frame, (_, light)) in frames.iter_mut().zip(segments) {
+        if let Light::Held(samples) = light {
+            *frame = T::of(*samples).unwrap_or_default();
+        }
+    }
+    frames
 }
 
 fn single<'a>(segments: &[(Range<usize>, Light<'a>)]) -> Option<Samples<'a>> {
@@ -57,37 +105,55 @@ impl<'a> Pass<'a> {
 
     /// The frames of a pass of singles, one per readout.
     pub fn frames<T: Sample>(&self) -> [&'a [T]; FRAMES] {
-        let mut frames = [&[] as &[T]; FRAMES];
-        for (frame, (_, light)) in frames.iter_mut().zip(self.segments) {
-            if let Light::Held(samples) = light {
-                *frame = T::of(*samples).unwrap_or_default();
-            }
-        }
-        frames
+        frames(self.segments)
     }
 
     /// The tile's bits at each of its readouts.
     #[inline(always)]
-    pub fn bits<'b>(&self, job: &Job<'_>, out: &'b mut [u8]) -> std::slice::ChunksExactMut<'b, u8> {
+    pub fn bits<'b>(&self, job: &Job<'_>, out: &'b mut [u8]) -> ChunksExactMut<'b, u8> {
         let (readouts, bytes) = (self.readouts(), job.tile_bytes());
         out[readouts.start * bytes..readouts.end * bytes].chunks_exact_mut(bytes)
     }
 
-    /// The rows of all its readouts.
-    #[inline(always)]
-    pub fn rows<'b>(&self, job: &Job<'b>, out: &'b mut [u8]) -> impl Iterator<Item = Row<'b>> {
-        Row::all(job, self.readouts(), out)
+    /// The frames that are read after these.
+    pub fn ahead<T: Sample>(&self) -> Ahead<'a, T> {
+        Ahead { frames: frames(self.next.0), further: self.next.1 }
     }
 }
 
-impl<'a> Row<'a> {
-    /// The rows of some readouts.
+/// The rows of some readouts.
+///
+/// No chain of iterator adapters: without link-time optimisation those are calls, and what is
+/// called runs without the instructions of its caller (AVX-512 was a third slower).
+pub(super) struct Rows<'a> {
+    t: usize,
+    shot: Iter<'a, Round>,
+    thermal: Iter<'a, Round>,
+    bits: ChunksExactMut<'a, u8>,
+}
+
+impl<'a> Rows<'a> {
     #[inline(always)]
-    pub fn all(job: &Job<'a>, readouts: Range<usize>, out: &'a mut [u8]) -> impl Iterator<Item = Self> {
-        let rounds = job.batch.rounds();
-        let bytes = job.tile_bytes();
-        let rows = out[readouts.start * bytes..readouts.end * bytes].chunks_exact_mut(bytes);
-        let words = rounds.shot[readouts.clone()].iter().zip(&rounds.thermal[readouts.clone()]);
-        readouts.zip(words.zip(rows)).map(|(t, ((shot, thermal), bits))| Self { t, shot, thermal, bits })
+    pub fn new(job: &Job<'a>, readouts: Range<usize>, out: &'a mut [u8]) -> Self {
+        let (rounds, bytes) = (job.batch.rounds(), job.tile_bytes());
+        let bits = &mut out[readouts.start * bytes..readouts.end * bytes];
+        Self {
+            t: readouts.start,
+            shot: rounds.shot[readouts.clone()].iter(),
+            thermal: rounds.thermal[readouts].iter(),
+            bits: bits.chunks_exact_mut(bytes),
+        }
+    }
+}
+
+impl<'a> Iterator for Rows<'a> {
+    type Item = Row<'a>;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<Row<'a>> {
+        let (bits, shot, thermal) = (self.bits.next()?, self.shot.next()?, self.thermal.next()?);
+        let t = self.t;
+        self.t += 1;
+        Some(Row { t, shot, thermal, bits })
     }
 }

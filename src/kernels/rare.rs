@@ -5,7 +5,7 @@ use crate::kernels::Job;
 use crate::kernels::increment::{Fine, Increment, fixed};
 use crate::kernels::lanes::Lanes;
 use crate::kernels::pixels::{Constants, Pixels};
-use crate::kernels::step::{borrow, counted, hash};
+use crate::kernels::step::{borrow, counted, hash, settle};
 use crate::pixel::Redraw;
 use crate::plan::NoiseTable;
 
@@ -23,6 +23,9 @@ pub(super) fn readout<L: Lanes>(
     gather_charge(l, job, t, constants, increment, fine, pixel);
     if !job.plan.tables().ceiling.is_empty() {
         pixel.charge = l.min(pixel.charge, constants.ceiling);
+    }
+    if job.plan.rules().surplus {
+        settle(l, pixel, constants.threshold);
     }
     let fractions = matches!(job.plan.tables().noise, Some(NoiseTable::Fine(_)));
     let fired = if fractions || job.plan.rules().kept_remainder != 1.0 {

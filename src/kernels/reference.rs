@@ -103,20 +103,8 @@ fn light_at(light: &Light<'_>, p: usize, k: usize) -> f32 {
 const MOST: f32 = 2_147_418_112.0;
 const LEAST: f32 = -1_073_741_824.0;
 
-/// A factor of the step, and the multiplier's unit.
-const ROOT: f32 = (0.703_952_25 * 32_768.0 / gauss::SCALE / 65_536.0) as f32;
-
 fn fixed(value: f32) -> i32 {
     value.clamp(LEAST, MOST).round_ties_even() as i32
-}
-
-/// The multiplier of a variance of (steps x 65,536)^2: its root times 32,768 /
-/// SCALE / 65,536. The root is taken to 6.5e-4, from the exponent and one step
-/// of Newton's method, by multiplications alone.
-fn root(x: f32) -> f32 {
-    let guess = f32::from_bits(0x5f1f_fff9 - (x.to_bits() >> 1));
-    let t = x * guess;
-    t * (ROOT * (2.389_244_6 - t * guess))
 }
 
 fn increment(plan: &Plan, p: usize, light: f32) -> Increment {
@@ -136,7 +124,7 @@ fn increment(plan: &Plan, p: usize, light: f32) -> Increment {
     };
     if light >= shot.whole_from[p] {
         let variance = light * shot.slope[p] + shot.offset[p];
-        result.multiplier = (root(variance)).round_ties_even() as i16;
+        result.multiplier = variance.sqrt().round_ties_even() as i16;
         return result;
     }
     let quanta = light * shot.light[p] + shot.dark[p];
@@ -225,6 +213,11 @@ fn compare(job: &Job<'_>, p: usize, t: usize, pixel: &mut Pixel) -> bool {
     };
     let frozen = rules.redraw == Redraw::EveryReset;
     let noise = if frozen { pixel.held } else { fresh() };
+    if pixel.surplus > 0 && pixel.charge < -tables.threshold[p] {
+        // A negative current has drained the charge below empty: the surplus fills it up.
+        pixel.charge += tables.threshold[p];
+        pixel.surplus -= 1;
+    }
     let mut charge = i32::from(pixel.charge) << 16 | i32::from(pixel.fraction);
     let reached = charge >= noise;
     let borrowed = !reached && pixel.surplus > 0;

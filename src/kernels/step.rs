@@ -93,6 +93,9 @@ pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8>(
         l.scale(l.gauss(hash(l, constants.pair_keys, row.thermal)), constants.noise)
     };
     let noise = if NOISE == RESET { pixel.held } else { fresh };
+    if STORE == SURPLUS {
+        settle(l, pixel, constants.threshold);
+    }
     let reached = l.not_less(pixel.charge, noise);
     let mut fired = reached;
     if STORE == SURPLUS {
@@ -106,6 +109,16 @@ pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8>(
         pixel.held = l.select(fired, fresh, pixel.held);
     }
     fired
+}
+
+/// Fills charge that a negative current has drained below empty from the surplus, which it belongs to.
+#[inline(always)]
+pub(super) fn settle<L: Lanes>(l: L, pixel: &mut Pixels<L>, threshold: L::Half) {
+    // In two's complement the inverted threshold is its negative less one.
+    let inverted = l.xor(threshold, l.splat(-1));
+    let drained = l.and(l.not(l.greater(pixel.charge, inverted)), l.greater(pixel.surplus, l.splat(0)));
+    pixel.charge = l.sub_where(drained, pixel.charge, l.add(inverted, l.splat(1)));
+    pixel.surplus = l.sub_where(drained, pixel.surplus, l.splat(1));
 }
 
 /// Resets pixels that may hold whole thresholds of surplus; returns who fired.

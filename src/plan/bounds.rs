@@ -21,7 +21,7 @@ pub(super) fn of(scale: &Scale) -> Bounds {
     // integer itself is known to half of 1/65,536 step.
     let rate_relative = 4.0 * f32_half_ulp;
     let rate_absolute = 0.5 / 65_536.0 / f64::from(scale.steps);
-    // The standard deviation's integer (half of 122) and the root's polynomial (6.5e-4), both twice in a variance.
-    let phase_variance_relative = 2.0 * (0.5 / scale.smallest_deviation() + 6.6e-4);
+    // The standard deviation's integer (half of 122), twice in a variance.
+    let phase_variance_relative = 2.0 * 0.5 / scale.smallest_deviation();
     Bounds { rate_absolute, rate_relative, phase_variance_relative, longest_surplus: i16::MAX as u32 }
 }

@@ -50,9 +50,9 @@ pub struct Shot {
     /// Light, in 1/255 of full scale, from which on the noise is a normal draw
     /// in whole steps; below it has a fraction, or counts quanta.
     pub whole_from: Vec<f32>,
-    /// Variance in (steps x 65,536)^2 that 1/255 of full-scale light adds.
+    /// Square of the noise's multiplier that 1/255 of full-scale light adds.
     pub slope: Vec<f32>,
-    /// Variance without light, less that of rounding to whole steps.
+    /// The same without light, less what rounding to whole steps adds.
     pub offset: Vec<f32>,
 }
 
@@ -182,16 +182,16 @@ fn tables(laws: &[Law], scale: &Scale) -> Tables {
             whole_from: pad(laws, f32::INFINITY, |law| whole_from(law, unit(law))),
             slope: pad(laws, 0.0, |law| (law.quanta_light / FULL_SCALE * variance(law, unit(law))) as f32),
             offset: pad(laws, 0.0, |law| {
-                (law.quanta_dark * variance(law, unit(law)) - FRACTION * FRACTION / 12.0) as f32
+                (law.quanta_dark * variance(law, unit(law)) - multiplier_per_step().powi(2) / 12.0) as f32
             }),
         }),
         noise: noise_table(laws, |law| law.noise * unit(law)),
     }
 }
 
-/// Variance of one quantum in (steps x 65,536)^2.
+/// Square of the multiplier for the noise of one quantum: the kernels take the root of a sum of these.
 fn variance(law: &Law, unit: f64) -> f64 {
-    (law.quantum * unit * FRACTION).powi(2)
+    (law.quantum * unit * multiplier_per_step()).powi(2)
 }
 
 /// Where there are quanta enough for a normal draw, and steps enough for whole ones.

@@ -10,6 +10,8 @@ mod run;
 #[cfg(feature = "files")]
 mod sidecar;
 mod simulator;
+#[cfg(feature = "files")]
+mod writing;
 
 #[cfg(feature = "files")]
 pub use ahead::Ahead;

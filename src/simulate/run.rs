@@ -12,7 +12,7 @@ use crate::light::{Frame, Samples, Source, Timeline};
 use crate::plan::Plan;
 use crate::simulate::Simulator;
 use crate::simulate::feed::{Feeder, Piece};
-use crate::spikes;
+use crate::simulate::writing::{self, Stream, Writing};
 
 /// Readouts between two writes: two of the simulator's batches.
 const READOUTS: usize = 256;
@@ -45,7 +45,7 @@ pub struct Run {
     pub force: bool,
     /// How plans run.
     pub backend: Backend,
-    /// Threads that the plans' tiles are shared between.
+    /// Threads that the plans' tiles are shared between; with more than one, another writes.
     pub threads: usize,
     /// Files that the new streams make untrue (an old sidecar); removed just before these get their names.
     pub stale: Vec<PathBuf>,
@@ -139,25 +139,10 @@ pub struct Outcome {
     pub too_bright: u64,
     /// A look at the light.
     pub glance: Glance,
-    /// Time from the first batch to the last, reading light included.
+    /// Time from the first batch to the last byte, reading light included.
     pub simulated: Duration,
     /// Time to bring the files to the disk.
     pub synced: Duration,
-}
-
-/// A camera with its file.
-struct Track {
-    simulator: Simulator,
-    writer: StreamWriter,
-    spikes: u64,
-}
-
-impl Track {
-    fn step(&mut self, segments: &[Segment<'_>], packed: &mut [u8]) -> Result<()> {
-        self.simulator.run(segments, packed);
-        self.spikes += spikes::count(packed);
-        self.writer.write_frames(self.writer.written(), packed)
-    }
 }
 
 /// Simulates `source` into the file `noisy` and, if a path is given, the camera's clean twin
@@ -188,15 +173,17 @@ pub fn run(
     }
     let (greatest_light, plans) = job.plans(&first, clean.is_some())?;
     let paths = [Some(noisy), clean].into_iter().flatten();
-    let mut tracks = plans
-        .into_iter()
-        .zip(paths)
-        .map(|(plan, path)| track(job, plan, path, total))
-        .collect::<Result<Vec<_>>>()?;
+    let (mut simulators, mut streams) = (Vec::new(), Vec::new());
+    for (plan, path) in plans.into_iter().zip(paths) {
+        streams.push(stream(job, &plan, path, total)?);
+        simulators.push(simulator(job, plan)?);
+    }
     let limit = total.or(job.readouts).unwrap_or(u64::MAX);
     let mut feeder = Feeder::new(source, first, job.timeline, limit, greatest_light);
     let start = Instant::now();
-    let glance = simulate(&mut feeder, &mut tracks, total.or(job.readouts), watch)?;
+    let glance = writing::write(&mut streams, job.threads > 1, |writing| {
+        simulate(&mut feeder, &mut simulators, writing, total.or(job.readouts), watch)
+    })?;
     let (readouts, frames, too_bright) = (feeder.at(), feeder.frames, feeder.too_bright);
     if let Some(total) = total.filter(|&n| n != readouts) {
         return Err(Error::new(Kind::Input, about)
@@ -205,33 +192,37 @@ pub fn run(
             .remedy("the input was cut short while it was read"));
     }
     let simulated = start.elapsed();
-    let (mut files, synced) = finish(job, tracks)?;
+    let (mut files, synced) = finish(job, streams)?;
     let clean = clean.and_then(|_| files.pop());
     let noisy = files.pop().ok_or_else(|| Error::new(Kind::Io, noisy.display()).found("no stream"))?;
     Ok(Outcome { noisy, clean, readouts, frames, greatest_light, too_bright, glance, simulated, synced })
 }
 
-fn track(job: &Run, plan: Plan, path: &Path, total: Option<u64>) -> Result<Track> {
-    let geometry = plan.geometry();
+fn simulator(job: &Run, plan: Plan) -> Result<Simulator> {
     let simulator = Simulator::of_plan(plan).with_backend(job.backend)?;
     #[cfg(feature = "threads")]
     let simulator = simulator.with_threads(job.threads)?;
+    Ok(simulator)
+}
+
+fn stream(job: &Run, plan: &Plan, path: &Path, total: Option<u64>) -> Result<Stream> {
+    let geometry = plan.geometry();
     let writer = match total {
         Some(total) => StreamWriter::create(path, job.layout, geometry, total, job.force)?,
         None => StreamWriter::create_growing(path, job.layout, geometry, job.force)?,
     };
-    Ok(Track { simulator, writer, spikes: 0 })
+    Ok(Stream { writer, spikes: 0 })
 }
 
 fn simulate(
     feeder: &mut Feeder<'_>,
-    tracks: &mut [Track],
+    simulators: &mut [Simulator],
+    mut writing: Writing<'_>,
     total: Option<u64>,
     watch: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
 ) -> Result<Glance> {
     let bytes = feeder.current().geometry().frame_bytes();
     let batch = READOUTS.min((HELD / bytes).max(1));
-    let mut packed = vec![0; batch * bytes];
     let mut glances = Glances::new(total, feeder.current());
     watch(0, total)?;
     loop {
@@ -241,8 +232,8 @@ fn simulate(
             return Ok(glances.middle(feeder.at()));
         }
         let segments: Vec<_> = pieces.iter().map(Piece::segment).collect();
-        for track in tracks.iter_mut() {
-            track.step(&segments, &mut packed[..readouts * bytes])?;
+        for (i, simulator) in simulators.iter_mut().enumerate() {
+            writing.append(i, readouts * bytes, |packed| simulator.run(&segments, packed))?;
         }
         glances.look(feeder.at() - 1, feeder.current());
         watch(feeder.at(), total)?;
@@ -278,7 +269,7 @@ impl Glances {
 }
 
 /// Gives the files their names: all of them or none.
-fn finish(job: &Run, tracks: Vec<Track>) -> Result<(Vec<Written>, Duration)> {
+fn finish(job: &Run, streams: Vec<Stream>) -> Result<(Vec<Written>, Duration)> {
     for path in &job.stale {
         match std::fs::remove_file(path) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::io(path.display(), e)),
@@ -286,7 +277,7 @@ fn finish(job: &Run, tracks: Vec<Track>) -> Result<(Vec<Written>, Duration)> {
         }
     }
     let (mut files, mut synced) = (Vec::new(), Duration::ZERO);
-    for Track { writer, spikes, .. } in tracks {
+    for Stream { writer, spikes } in streams {
         match writer.finish() {
             Ok(done) => {
                 synced += done.sync;

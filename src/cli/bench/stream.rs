@@ -2,22 +2,19 @@
 
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use spikelane::formats::{Codec, Layout, Reader, StreamWriter, convert};
+use spikelane::light::{Frame, Rate, Samples, Source, Timeline};
 use spikelane::measure::{Accumulator, Options};
 use spikelane::reconstruct::{tfi, tfp};
-use spikelane::simulate::FrameRef;
+use spikelane::simulate::{FrameRef, Run, run};
 use spikelane::spikes::{Geometry, Packed};
-use spikelane::{Error, Kind, Result, Seeds, Simulator};
+use spikelane::{Result, Seeds, Simulator};
 
 use super::memory::{Noise, frames};
 use super::report::{Fact, Row};
 use super::timing::rate;
-
-/// Readouts that go from the simulator to the writer at once.
-const STEP: usize = 256;
 
 /// A file that is removed when it is no longer needed.
 struct Scratch(PathBuf);
@@ -35,71 +32,56 @@ impl Drop for Scratch {
     }
 }
 
-/// Full noise into a fresh mapped file: everything but the final sync, which is a fact of its own.
+/// One frame of light that is in memory already.
+struct Level(Option<Frame>, Geometry);
+
+impl Source for Level {
+    fn geometry(&self) -> Geometry {
+        self.1
+    }
+
+    fn frames(&self) -> Option<u64> {
+        Some(1)
+    }
+
+    fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
+        let frame = self.0.take();
+        Ok(frame.map(|frame| *into = frame).is_some())
+    }
+
+    fn rate(&self) -> Option<Rate> {
+        None
+    }
+
+    fn describe(&self) -> String {
+        "a frame in memory".to_owned()
+    }
+}
+
+/// Full noise into a fresh mapped file, as `simulate` does it: everything from the plan on
+/// but the final sync, which is a fact of its own.
 pub fn to_file(directory: &Path, threads: usize, readouts: usize, facts: &mut Vec<Fact>) -> Result<Row> {
     let file = Scratch::new(directory, "write");
+    let camera = Noise::Full.camera()?;
+    let geometry = camera.sensor.geometry();
+    let light = frames(Noise::Full, 1).remove(0);
+    let job = Run {
+        readouts: Some(readouts as u64),
+        threads,
+        force: true,
+        ..Run::new(camera, Seeds::default(), Timeline::still())
+    };
+    let mut source = Level(Some(Frame::new(geometry, Samples::U8(light))?), geometry);
     let begin = Instant::now();
-    let mut simulator = Simulator::new(&Noise::Full.camera()?, Seeds::default())?.with_threads(threads)?;
-    let geometry = simulator.plan().geometry();
-    let backend = simulator.backend().name();
-    let light = frames(Noise::Full, 1);
-    let mut writer = StreamWriter::create(&file.0, Layout::DatTop, geometry, readouts as u64, true)?;
-    if threads == 1 {
-        let mut packed = vec![0; STEP * geometry.frame_bytes()];
-        for first in (0..readouts).step_by(STEP) {
-            let packed = &mut packed[..STEP.min(readouts - first) * geometry.frame_bytes()];
-            simulator.push(FrameRef::u8(&light[0], geometry), packed)?;
-            writer.write_frames(first as u64, packed)?;
-        }
-    } else {
-        writer = beside(&mut simulator, &light[0], writer, readouts)?;
-    }
-    let before_sync = begin.elapsed();
-    let done = writer.finish()?;
-    let after = begin.elapsed().saturating_sub(before_sync);
+    let done = run(&job, &mut source, &file.0, None, &mut |_, _| Ok(()))?;
+    let before_sync = begin.elapsed().saturating_sub(done.synced);
     facts.push(Fact {
-        name: format!("sync and rename of {} MB, {threads} threads", done.bytes / 1_000_000),
-        value: after.as_secs_f64(),
+        name: format!("sync and rename of {} MB, {threads} threads", done.noisy.bytes / 1_000_000),
+        value: done.synced.as_secs_f64(),
         unit: "s",
     });
     let speed = (readouts * geometry.pixels()) as f64 / before_sync.as_secs_f64();
-    Ok(Row::new("fresh mapped file", backend, Noise::Full.name(), "held", threads, speed))
-}
-
-/// The writer works on one buffer while the simulator fills the next.
-fn beside(
-    simulator: &mut Simulator,
-    light: &[u8],
-    mut writer: StreamWriter,
-    readouts: usize,
-) -> Result<StreamWriter> {
-    let geometry = simulator.plan().geometry();
-    let (full_to, full) = mpsc::sync_channel::<(usize, Vec<u8>)>(1);
-    let (empty_to, empty) = mpsc::channel();
-    for _ in 0..3 {
-        let _ = empty_to.send(Vec::new());
-    }
-    std::thread::scope(|scope| {
-        let writing = scope.spawn(move || {
-            for (first, packed) in full {
-                writer.write_frames(first as u64, &packed)?;
-                // The simulator may have ended already.
-                let _ = empty_to.send(packed);
-            }
-            Ok(writer)
-        });
-        for first in (0..readouts).step_by(STEP) {
-            // No buffer comes back from a writer that failed; its error follows.
-            let Ok(mut packed) = empty.recv() else { break };
-            packed.resize(STEP.min(readouts - first) * geometry.frame_bytes(), 0);
-            simulator.push(FrameRef::u8(light, geometry), &mut packed)?;
-            if full_to.send((first, packed)).is_err() {
-                break;
-            }
-        }
-        drop(full_to);
-        writing.join().unwrap_or_else(|_| Err(Error::new(Kind::Io, "writer").found("a thread that ended")))
-    })
+    Ok(Row::new("fresh mapped file", job.backend.name(), Noise::Full.name(), "held", threads, speed))
 }
 
 /// Speeds of what follows a simulation, on `readouts` readouts of 400x250 pixels.
