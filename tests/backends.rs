@@ -60,18 +60,28 @@ fn camera(width: u32, height: u32) -> impl Strategy<Value = Camera> {
         let all = effects::ALL.iter().zip(strengths).zip(&further);
         for ((definition, (present, strength, choice)), further) in all {
             if present && (beyond || !further) {
-                camera = camera.with(effect(definition, strength, choice));
+                let anywhere = *further && choice == 3;
+                camera = camera.with(effect(definition, strength, choice, anywhere));
             }
         }
         camera
     })
 }
 
-fn effect(definition: &'static effects::Definition, strength: f64, choice: u8) -> effects::Effect {
+/// At `strength` times the typical distance from neutral, or `anywhere` in the parameters' ranges.
+fn effect(
+    definition: &'static effects::Definition,
+    strength: f64,
+    choice: u8,
+    anywhere: bool,
+) -> effects::Effect {
     let mut effect = definition.neutral();
     for param in definition.params {
         let value = match param.form {
             effects::definition::Form::Choice(words) => f64::from(choice % words.len() as u8),
+            effects::definition::Form::Number { low, high, .. } if anywhere => {
+                low + (high - low) * strength / 2.0
+            }
             effects::definition::Form::Number { low, high, .. } if param.neutral.is_finite() => {
                 (param.neutral + strength * (param.typical - param.neutral)).clamp(low, high)
             }

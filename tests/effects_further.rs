@@ -32,11 +32,12 @@ fn plan_bits(plan: &Plan, frames: &[Vec<f32>], readouts: usize, backend: Backend
     bytes
 }
 
-/// Bits that the exact frame reports, starting with the plan's own charges, and those of the plan.
-fn differing_bits(camera: &Camera, frames: &[Vec<f32>], readouts: usize) -> (usize, Vec<u8>) {
+/// How many bits of the exact frame of `law`, which starts with the plan's charges, differ from those of
+/// the plan of `camera`; and the plan's bits.
+fn differing_bits(camera: &Camera, law: &Camera, frames: &[Vec<f32>], readouts: usize) -> (usize, Vec<u8>) {
     let plan = Plan::new(camera, seeds(1)).unwrap();
     let geometry = camera.sensor.geometry;
-    let model = camera.model(seeds(1)).unwrap();
+    let model = law.model(seeds(1)).unwrap();
     let laws: Vec<Law> = (0..geometry.pixels()).map(|p| model.law(p)).collect();
     let start = charges(&plan, &plan.start());
     let start: Vec<f64> = start.iter().zip(&laws).map(|(c, law)| c * law.threshold).collect();
@@ -55,7 +56,9 @@ fn differing_bits(camera: &Camera, frames: &[Vec<f32>], readouts: usize) -> (usi
 /// 13 x 11 pixels, three frames of 400 readouts: about 70,000 spikes. Fixed point moves a charge by 2e-7 of
 /// a threshold in that time (`docs/fixed-point.md`), so about one spike in 10^6 may come a readout
 /// late, which is two bits. With adaptation it then moves the threshold for a while, and the phase by 1e-3 for good, so
-/// that one more in 300 of that pixel's spikes follows. Twenty bits are allowed; an effect a thousandth too strong moves hundreds.
+/// that one more in 300 of that pixel's spikes follows; with droop it moves the phase of all that fire next by
+/// 2e-4, so that hundreds may follow. Twenty bits are allowed, and 400 with droop; an effect a thousandth too strong moves
+/// more than these.
 #[test]
 fn pixels_without_noise_fire_as_the_exact_frame_does() {
     let dark: (&str, Values<'_>) = ("dark_current", &[("mean", 5.0)]);
@@ -80,17 +83,21 @@ fn pixels_without_noise_fire_as_the_exact_frame_does() {
         .map(|(i, &(low, high))| random_light(143, low, high, i as u64))
         .collect();
     let without = camera_with(13, 11, &[START, pattern, dark]);
-    let (_, plain) = differing_bits(&without, &frames, 400);
+    let (_, plain) = differing_bits(&without, &without, &frames, 400);
     for &(name, values) in cases {
-        let camera = camera_with(13, 11, &[START, pattern, dark, (name, values)]);
-        let (differing, bytes) = differing_bits(&camera, &frames, 400);
+        let camera = |values: Values<'_>| camera_with(13, 11, &[START, pattern, dark, (name, values)]);
+        let stronger: Vec<_> =
+            values.iter().map(|(k, v)| (*k, if *k == values[0].0 { v * 1.001 } else { *v })).collect();
+        let (differing, bytes) = differing_bits(&camera(values), &camera(values), &frames, 400);
+        let (seen, _) = differing_bits(&camera(values), &camera(&stronger), &frames, 400);
         let spikes = spikelane::spikes::count(&bytes);
         let moved: u32 = plain.iter().zip(&bytes).map(|(a, b)| (a ^ b).count_ones()).sum();
         eprintln!(
-            "{name} {values:?}: {differing} of {spikes} spikes differ, {moved} bits moved by the effect"
+            "{name} {values:?}: {differing} bits of {spikes} spikes differ, {seen} with a thousandth more, {moved} without"
         );
-        assert!(differing <= 20, "{name} {values:?}: {differing} bits of {spikes} spikes");
-        assert!(moved > 1000, "{name} {values:?} moved {moved} bits");
+        let allowed = if name == "supply_droop" { 400 } else { 20 };
+        assert!(differing <= allowed, "{name} {values:?}: {differing} bits of {spikes} spikes");
+        assert!(seen > allowed && moved > 1000, "{name} {values:?}: {seen} bits, {moved} bits");
     }
 }
 

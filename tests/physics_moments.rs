@@ -138,7 +138,7 @@ fn check_pattern(definition: &'static Definition, strength: f64, rate: f64) {
     let readouts = ((10.0 / rate) as usize + 200).next_multiple_of(200);
     let spans = match definition.name {
         "gain_drift" => [0, DRIFT as usize],
-        "adaptation" => [600, readouts],
+        "adaptation" | "image_lag" => [1000, readouts],
         _ => [0, readouts],
     };
     let readouts = spans[1];
@@ -193,9 +193,24 @@ fn cells(definition: &Definition) -> f64 {
     }
 }
 
+/// Whether plans with this effect leave the common bodies; dark current is what telegraph noise needs to show.
+fn is_further(definition: &'static Definition) -> bool {
+    let dark = effects::find("dark_current").unwrap().typical();
+    let camera = Camera::ideal(sensor(4, 4)).with(dark).with(definition.typical());
+    Plan::with_light(&camera, seeds(0), 0.5).unwrap().further().is_some()
+}
+
 /// Strengths that keep the brightest pixels of 25,000 below saturation.
-fn strengths(definition: &Definition, rate: f64) -> &'static [f64] {
+fn strengths(definition: &'static Definition, rate: f64) -> &'static [f64] {
     match (definition.name, rate > 0.9) {
+        // One strength of those that `effects_further.rs` compares bit by bit or with the exact law.
+        (_, bright) if is_further(definition) => {
+            if bright {
+                &[0.5]
+            } else {
+                &[1.0]
+            }
+        }
         ("hot_pixels", true) => &[],
         ("dark_tail", true) => &[0.05],
         ("bias_voltage", true) => &[0.1, 0.2],

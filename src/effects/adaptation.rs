@@ -11,8 +11,8 @@ pub const EFFECT: Definition = Definition {
     summary: "Every spike raises the threshold, which then falls back exponentially.",
     source: "charge trapped at the comparator; spike-frequency adaptation of neuron models",
     params: &[
-        Param::number("rise", Unit::One, (0.0, 0.01), 0.0, 0.001, "rise per spike, relative to the threshold"),
-        Param::number("decay", Unit::One, (0.8, 0.999), 0.99, 0.99, "share of the rise that a readout leaves"),
+        Param::number("rise", Unit::One, (0.0, 0.02), 0.0, 0.001, "rise per spike, relative to the threshold"),
+        Param::number("decay", Unit::One, (0.7, 0.9995), 0.99, 0.99, "share of the rise that a readout leaves"),
     ],
     edit: no_edit,
     ops,

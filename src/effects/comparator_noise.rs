@@ -11,7 +11,7 @@ pub const EFFECT: Definition = Definition {
     summary: "Every comparison has an error of its own that is not subtracted at the reset: a spike comes early or late, and the next interval makes up for it.",
     source: "input-referred noise of a clocked comparator",
     params: &[
-        Param::number("sigma", Unit::One, (0.0, 0.03), 0.0, 0.005, "standard deviation relative to the threshold"),
+        Param::number("sigma", Unit::One, (0.0, 0.06), 0.0, 0.005, "standard deviation relative to the threshold"),
     ],
     edit: no_edit,
     ops,

@@ -11,7 +11,7 @@ pub const EFFECT: Definition = Definition {
     summary: "A pixel gives a share of its light to its four neighbours and gets theirs; at the border the share stays.",
     source: "optical crosstalk between microlenses; diffusion of carriers",
     params: &[
-        Param::number("share", Unit::One, (0.0, 0.06), 0.0, 0.02, "share of the light given to the four neighbours together"),
+        Param::number("share", Unit::One, (0.0, 0.12), 0.0, 0.02, "share of the light given to the four neighbours together"),
     ],
     edit: no_edit,
     ops,

@@ -11,7 +11,7 @@ pub const EFFECT: Definition = Definition {
     summary: "Light is multiplied by 1 + m sin(2 pi f t + p).",
     source: "lamps at twice the frequency of the mains; screens at their refresh rate",
     params: &[
-        Param::number("depth", Unit::One, (0.0, 0.1), 0.0, 0.02, "amplitude relative to the light"),
+        Param::number("depth", Unit::One, (0.0, 0.2), 0.0, 0.02, "amplitude relative to the light"),
         Param::number("frequency_hz", Unit::Hertz, (0.0, 1e6), 100.0, 100.0, "swings per second"),
         Param::number("phase", Unit::One, (0.0, 1.0), 0.0, 0.0, "phase at the first readout, in turns"),
     ],

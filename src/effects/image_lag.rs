@@ -11,7 +11,7 @@ pub const EFFECT: Definition = Definition {
     summary: "A share of the light joins an exponential queue and turns into charge later; nothing is lost.",
     source: "incomplete charge transfer of pinned photodiodes",
     params: &[
-        Param::number("fraction", Unit::One, (0.0, 0.05), 0.0, 0.01, "late share of the light"),
+        Param::number("fraction", Unit::One, (0.0, 0.1), 0.0, 0.01, "late share of the light"),
         Param::number("time_constant", Unit::Readout, (1.0, 20000.0), 50.0, 50.0, "after which 1/e of it is still to come"),
     ],
     edit: no_edit,
@@ -24,6 +24,6 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
 }
 
 fn moments(_: Values<'_>, _: &Operating) -> Option<Moments> {
-    // Steady light arrives in full; the first frame is taken to have been there before.
+    // Steady light arrives in full, once the first of it has come late.
     Some(Moments::default())
 }

@@ -11,7 +11,7 @@ pub const EFFECT: Definition = Definition {
     summary: "At every readout the stored charge loses a share of itself, before new charge arrives.",
     source: "junction leakage in proportion to the stored voltage",
     params: &[
-        Param::number("fraction_per_readout", Unit::One, (0.0, 2e-3), 0.0, 5e-4, "lost share of the stored charge"),
+        Param::number("fraction_per_readout", Unit::One, (0.0, 4e-3), 0.0, 5e-4, "lost share of the stored charge"),
     ],
     edit: no_edit,
     ops,

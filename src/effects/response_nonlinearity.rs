@@ -11,7 +11,7 @@ pub const EFFECT: Definition = Definition {
     summary: "Light acts as light (1 + b light): the gain changes with the light; the dark current keeps its own.",
     source: "linearity error of EMVA 1288; the diode's capacitance depends on its voltage",
     params: &[
-        Param::number("quadratic", Unit::One, (-0.1, 0.1), 0.0, 0.02, "relative change of the response at full scale"),
+        Param::number("quadratic", Unit::One, (-0.2, 0.2), 0.0, 0.02, "relative change of the response at full scale"),
     ],
     edit: no_edit,
     ops,

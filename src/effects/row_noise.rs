@@ -11,7 +11,7 @@ pub const EFFECT: Definition = Definition {
     summary: "At every readout all thresholds of a row move together: compared with and subtracted.",
     source: "row noise of EMVA 1288: the line driver and its supply",
     params: &[
-        Param::number("sigma", Unit::One, (0.0, 0.03), 0.0, 0.005, "standard deviation relative to the threshold"),
+        Param::number("sigma", Unit::One, (0.0, 0.06), 0.0, 0.005, "standard deviation relative to the threshold"),
     ],
     edit: no_edit,
     ops,

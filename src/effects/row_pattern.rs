@@ -14,7 +14,7 @@ pub const EFFECT: Definition = Definition {
     params: &[Param::number(
         "sigma",
         Unit::One,
-        (0.0, 0.05),
+        (0.0, 0.1),
         0.0,
         0.01,
         "Gaussian spread over the rows, relative to the nominal threshold",

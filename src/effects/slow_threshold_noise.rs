@@ -11,8 +11,8 @@ pub const EFFECT: Definition = Definition {
     summary: "The threshold wanders about its mean with a correlation time of many readouts (Ornstein-Uhlenbeck).",
     source: "low-frequency noise of the comparator; one time constant of a 1/f spectrum",
     params: &[
-        Param::number("sigma", Unit::One, (0.0, 0.01), 0.0, 0.003, "standard deviation relative to the threshold"),
-        Param::number("time_constant", Unit::Readout, (100.0, 20000.0), 1000.0, 1000.0, "the correlation falls to 1/e"),
+        Param::number("sigma", Unit::One, (0.0, 0.02), 0.0, 0.003, "standard deviation relative to the threshold"),
+        Param::number("time_constant", Unit::Readout, (30.0, 50000.0), 1000.0, 1000.0, "the correlation falls to 1/e"),
     ],
     edit: no_edit,
     ops,

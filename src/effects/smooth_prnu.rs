@@ -12,7 +12,7 @@ pub const EFFECT: Definition = Definition {
     summary: "The gain varies smoothly over the sensor: white noise blurred by a Gaussian, of variance one before the spread.",
     source: "doping and thickness gradients of a wafer; low-frequency PRNU of EMVA 1288",
     params: &[
-        Param::number("sigma", Unit::One, (0.0, 0.05), 0.0, 0.01, "spread of the gain"),
+        Param::number("sigma", Unit::One, (0.0, 0.1), 0.0, 0.01, "spread of the gain"),
         Param::number(
             "length",
             Unit::Pixel,

@@ -11,7 +11,7 @@ pub const EFFECT: Definition = Definition {
     summary: "A spike adds charge to its four neighbours at the next readout.",
     source: "parasitic capacitance between reset lines and neighbouring nodes",
     params: &[
-        Param::number("charge", Unit::One, (-0.015, 0.015), 0.0, 0.003, "charge given to each neighbour, in its own thresholds"),
+        Param::number("charge", Unit::One, (-0.03, 0.03), 0.0, 0.003, "charge given to each neighbour, in its own thresholds"),
     ],
     edit: no_edit,
     ops,

@@ -11,7 +11,7 @@ pub const EFFECT: Definition = Definition {
     summary: "All thresholds fall in proportion to the share of the pixels that fired at the readout before.",
     source: "resistance of the supply grid: the threshold follows the reset voltage",
     params: &[
-        Param::number("depth", Unit::One, (-0.03, 0.03), 0.0, 0.005, "relative fall of the threshold when every pixel fired"),
+        Param::number("depth", Unit::One, (-0.06, 0.06), 0.0, 0.005, "relative fall of the threshold when every pixel fired"),
     ],
     edit: no_edit,
     ops,

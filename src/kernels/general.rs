@@ -195,7 +195,7 @@ fn seen<L: Lanes>(
         light = l.add_f(light, l.mul_f(l.mul_f(light, light), l.splat_f(further.quadratic)));
     }
     let Some(lag) = further.lag else { return light };
-    let late = l.select_less_f(lingering.late, l.splat_f(0.0), light, lingering.late);
+    let late = lingering.late;
     lingering.late = l.add_f(late, l.mul_f(l.sub_f(light, late), l.splat_f(lag.arriving)));
     l.add_f(light, l.mul_f(l.sub_f(late, light), l.splat_f(lag.fraction)))
 }

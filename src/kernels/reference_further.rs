@@ -70,7 +70,7 @@ pub(super) fn seen(job: &Job<'_>, t: usize, light: f32, lingering: &mut Lingerin
         light += light * light * further.quadratic;
     }
     let Some(lag) = further.lag else { return light };
-    let late = if lingering.late < 0.0 { light } else { lingering.late };
+    let late = lingering.late;
     lingering.late = late + (light - late) * lag.arriving;
     light + (late - light) * lag.fraction
 }

@@ -73,8 +73,8 @@ pub struct State {
     pub slow: f64,
     /// What spikes have raised the threshold by, in own thresholds.
     pub adapted: f64,
-    /// The light that is late; none before the first readout, which finds it at its balance.
-    pub late: Option<f64>,
+    /// The light that is late; dark before the first readout.
+    pub late: f64,
     /// Whether the dark current has its lower value.
     pub low: bool,
 }
@@ -194,8 +194,8 @@ impl Law {
     /// The light that turns into charge now.
     fn seen(&self, state: &mut State, light: f64) -> f64 {
         let light = self.response(light * self.schedule.factor(state.readout));
-        let late = state.late.unwrap_or(light);
-        state.late = Some(late + (1.0 - self.lag.kept) * (light - late));
+        let late = state.late;
+        state.late = late + (1.0 - self.lag.kept) * (light - late);
         light + self.lag.fraction * (late - light)
     }
 

@@ -36,7 +36,7 @@ pub struct State {
 pub(crate) const SLOW: usize = 0;
 /// High and low half of an `f32`: the rise of the threshold.
 pub(crate) const ADAPTED: usize = 2;
-/// High and low half of an `f32`: light that is late, in 1/255 of full scale; negative before the first readout.
+/// High and low half of an `f32`: light that is late, in 1/255 of full scale.
 pub(crate) const LATE: usize = 4;
 /// -1 where the dark current has its lower value.
 pub(crate) const LOW: usize = 6;
@@ -279,7 +279,7 @@ fn linger(state: &mut State, seeds: Seeds, further: &Further) {
         store(ADAPTED, &|_| 0.0);
     }
     if further.lag.is_some() {
-        store(LATE, &|_| -1.0);
+        store(LATE, &|_| 0.0);
     }
     if further.telegraph.is_some() {
         state.lingering[LOW] = (0..padded).map(|p| -((once("telegraph_dark/start", p) & 1) as i16)).collect();
