@@ -13,6 +13,9 @@ use spikelane::{Backend, Camera, Geometry, Plan, Simulator};
 
 type Values<'a> = &'a [(&'a str, f64)];
 
+/// A number of one pixel's spike times.
+type Statistic<'a> = &'a dyn Fn(&[u32]) -> f64;
+
 const START: (&str, Values<'static>) = ("start_phase", &[("share", 1.0)]);
 
 /// Light of a frame, uniform over `low` to `high`.
@@ -147,7 +150,7 @@ fn drawn_operations_follow_the_exact_law() {
             let light = common_oracle::spread_light(level, 0.05, 240, 4);
             let sides = both_sides(&camera, &light, 20_000);
             let rate = |t: &[u32]| t.len() as f64 / 20_000.0;
-            let statistics: [(&str, &dyn Fn(&[u32]) -> f64, f64); 3] =
+            let statistics: [(&str, Statistic<'_>, f64); 3] =
                 [("rate", &rate, 4e-6), ("variance of 16", &sixteen, 1e-6), ("lag one", &lag_one, 1e-6)];
             for (what, statistic, floor) in statistics {
                 let difference = paired(&sides, statistic);
@@ -163,7 +166,7 @@ fn drawn_operations_follow_the_exact_law() {
 #[test]
 fn comparator_noise_is_made_up_for_by_the_next_interval_and_slow_noise_is_not() {
     let light = common_oracle::spread_light(0.1, 0.05, 240, 4);
-    let statistic = |effect: (&str, Values<'_>), f: &dyn Fn(&[u32]) -> f64| {
+    let statistic = |effect: (&str, Values<'_>), f: Statistic<'_>| {
         let camera = camera_with(240, 1, &[START, effect]);
         let times = common_oracle::planned(&camera, seeds(2), &light, 300, 20_000);
         Estimate::of(times.pixels.iter().map(|t| f(t)))
