@@ -60,6 +60,23 @@ fn threads_and_backends_give_the_same_bits() {
     }
 }
 
+/// Of 300 readouts 60 are lost, give or take 7; the moving chart goes on meanwhile, and its clean twin loses nothing.
+#[test]
+fn a_camera_that_drops_readouts_still_fills_the_file() {
+    let place = Place::new();
+    let base = format!("simulate {SMALL} --clean");
+    place.good(&format!("{base} -o whole"));
+    place.good(&format!("{base} --effect dropped_readouts.probability=0.2 -o lossy"));
+    let (whole, lossy) = (place.read("whole.dat"), place.read("lossy.dat"));
+    assert_eq!(lossy.len(), whole.len());
+    assert!(place.read("lossy.clean.dat") == place.read("whole.clean.dat"));
+    let bytes = whole.len() / 300;
+    let mut rest = whole.chunks(bytes);
+    let found = lossy.chunks(bytes).take_while(|&frame| rest.any(|other| other == frame)).count();
+    // What is missing at the end was seen in the last light, after the whole stream had ended.
+    assert!((200..280).contains(&found), "{found} frames of the whole stream, in their order");
+}
+
 #[test]
 fn seeds_move_what_is_theirs_and_a_clean_twin_shares_the_start_phase() {
     let place = Place::new();

@@ -324,6 +324,10 @@ impl Lanes for Avx2 {
         both!(a => proven!(_mm256_cvtepi32_ps(a)))
     }
     #[inline(always)]
+    fn bits_of_f(self, a: PairF) -> Pair {
+        both!(a => proven!(_mm256_castps_si256(a)))
+    }
+    #[inline(always)]
     fn f_of_bits(self, a: Pair) -> PairF {
         both!(a => proven!(_mm256_castsi256_ps(a)))
     }

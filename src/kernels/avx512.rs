@@ -357,6 +357,10 @@ impl Lanes for Avx512 {
         both!(a => proven!(_mm512_cvtepi32_ps(a)))
     }
     #[inline(always)]
+    fn bits_of_f(self, a: PairF) -> Pair {
+        both!(a => proven!(_mm512_castps_si512(a)))
+    }
+    #[inline(always)]
     fn f_of_bits(self, a: Pair) -> PairF {
         both!(a => proven!(_mm512_castsi512_ps(a)))
     }

@@ -109,6 +109,7 @@ pub(crate) trait Lanes: Copy {
     fn truncate(self, a: Self::Float) -> Self::Word;
     /// Signed integers to floats.
     fn to_f(self, a: Self::Word) -> Self::Float;
+    fn bits_of_f(self, a: Self::Float) -> Self::Word;
     fn f_of_bits(self, a: Self::Word) -> Self::Float;
 
     fn load_words(self, from: &[u32], at: usize) -> Self::Word;

@@ -283,6 +283,10 @@ impl Lanes for Portable {
         [a[0].round_float(), a[1].round_float()]
     }
     #[inline(always)]
+    fn bits_of_f(self, a: PairF) -> Pair {
+        bytemuck::cast(a)
+    }
+    #[inline(always)]
     fn f_of_bits(self, a: Pair) -> PairF {
         bytemuck::cast(a)
     }

@@ -11,7 +11,7 @@ use crate::kernels::{Backend, Segment};
 use crate::light::{Frame, Samples, Source, Timeline};
 use crate::plan::Plan;
 use crate::simulate::Simulator;
-use crate::simulate::feed::{Feeder, Piece};
+use crate::simulate::feed::{self, Feeder, Piece};
 use crate::simulate::writing::{self, Stream, Writing};
 
 /// Readouts between two writes: two of the simulator's batches.
@@ -224,20 +224,48 @@ fn simulate(
     let bytes = feeder.current().geometry().frame_bytes();
     let batch = READOUTS.min((HELD / bytes).max(1));
     let mut glances = Glances::new(total, feeder.current());
+    let mut written = vec![0; simulators.len()];
     watch(0, total)?;
     loop {
         let pieces = feeder.fill(batch, HELD)?;
         let readouts: usize = pieces.iter().map(|p| p.readouts).sum();
         if readouts == 0 {
+            // Dropped readouts are made up for in the last light.
+            let light = feed::held(feeder.current());
+            for (i, simulator) in simulators.iter_mut().enumerate() {
+                while written[i] < feeder.at() {
+                    let again = [Segment { readouts: 1, light }];
+                    step(&mut writing, i, simulator, &mut written, &again, feeder.at())?;
+                }
+            }
             return Ok(glances.middle(feeder.at()));
         }
         let segments: Vec<_> = pieces.iter().map(Piece::segment).collect();
         for (i, simulator) in simulators.iter_mut().enumerate() {
-            writing.append(i, readouts * bytes, |packed| simulator.run(&segments, packed))?;
+            step(&mut writing, i, simulator, &mut written, &segments, feeder.at())?;
         }
         glances.look(feeder.at() - 1, feeder.current());
         watch(feeder.at(), total)?;
     }
+}
+
+/// Writes the readouts of `segments` that were not dropped to stream `i`, up to `limit` in all.
+fn step(
+    writing: &mut Writing<'_>,
+    i: usize,
+    simulator: &mut Simulator,
+    written: &mut [u64],
+    segments: &[Segment<'_>],
+    limit: u64,
+) -> Result<()> {
+    let bytes = simulator.plan().geometry().frame_bytes();
+    let readouts: usize = segments.iter().map(|s| s.readouts).sum();
+    writing.append(i, readouts * bytes, |packed| {
+        let kept = simulator.run(segments, packed) as u64;
+        let frames = kept.min(limit.saturating_sub(written[i]));
+        written[i] += frames;
+        frames as usize * bytes
+    })
 }
 
 /// Keeps a frame near the middle of a run whose end may not be known: of the frames at

@@ -35,21 +35,24 @@ pub(super) enum Writing<'s> {
 }
 
 impl Writing<'_> {
-    /// Lets `fill` fill a batch of `bytes` bytes (which hold anything) and appends it to stream `index`.
+    /// Lets `fill` fill a batch of at most `bytes` bytes (which hold anything) and appends as many as it
+    /// says to stream `index`.
     ///
     /// # Errors
     /// Those of the file; beside, they may come a few batches late.
-    pub fn append(&mut self, index: usize, bytes: usize, fill: impl FnOnce(&mut [u8])) -> Result<()> {
+    pub fn append(&mut self, index: usize, bytes: usize, fill: impl FnOnce(&mut [u8]) -> usize) -> Result<()> {
         match self {
             Self::Here { streams, buffer } => {
                 buffer.resize(bytes, 0);
-                fill(buffer);
+                let kept = fill(buffer);
+                buffer.truncate(kept);
                 streams[index].append(buffer)
             }
             Self::Beside { full, empty } => {
                 let mut buffer = empty.recv().map_err(|_| ended())?;
                 buffer.resize(bytes, 0);
-                fill(&mut buffer);
+                let kept = fill(&mut buffer);
+                buffer.truncate(kept);
                 full.send((index, buffer)).map_err(|_| ended())
             }
         }

@@ -8,7 +8,6 @@ use rand_pcg::rand_core::{Rng, SeedableRng};
 use spikelane::effects::{Camera, Model};
 use spikelane::pixel::{Law, Noise};
 use spikelane::simulate::FrameRef;
-use spikelane::spikes::bit;
 use spikelane::{Geometry, Plan, Seeds, Sensor, Simulator};
 
 /// Draws for the exact law that share no code with the crate's.
@@ -119,9 +118,11 @@ pub fn unpack(bytes: &[u8], geometry: Geometry) -> Times {
     let frames = bytes.chunks_exact(geometry.frame_bytes());
     let readouts = frames.len();
     for (t, frame) in frames.enumerate() {
-        for (p, times) in pixels.iter_mut().enumerate() {
-            if bit(frame, p) {
-                times.push(t as u32);
+        for (i, &byte) in frame.iter().enumerate() {
+            let mut rest = byte;
+            while rest != 0 {
+                pixels[8 * i + rest.trailing_zeros() as usize].push(t as u32);
+                rest &= rest - 1;
             }
         }
     }
