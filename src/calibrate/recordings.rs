@@ -71,6 +71,21 @@ impl Light {
         }
     }
 
+    /// The same light with every level times `factor`.
+    #[must_use]
+    pub fn scaled(self, factor: f64) -> Self {
+        match self {
+            Self::Level(level) => Self::Level(level * factor),
+            Self::Scene(Scene::Square { high, low, half_period }) => {
+                Self::Scene(Scene::Square { high: high * factor, low: low * factor, half_period })
+            }
+            Self::Scene(Scene::Checkerboard { high, low, cell }) => {
+                Self::Scene(Scene::Checkerboard { high: high * factor, low: low * factor, cell })
+            }
+            Self::Scene(Scene::StaticUnknown {}) => self,
+        }
+    }
+
     fn check(self, file: &str) -> Result<()> {
         let (levels, length) = match self {
             Self::Level(level) => ([level, level], 1),
@@ -126,6 +141,9 @@ pub struct RecordingSet {
     /// Layout of the files, `dat` when absent; see [`Layout`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub layout: Option<String>,
+    /// The camera that was simulated, when no real one made these recordings: reports say so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub simulated: Option<String>,
     /// Streams.
     #[serde(default, rename = "recording")]
     pub recordings: Vec<Recording>,

@@ -5,9 +5,10 @@
 //! static scene.
 
 mod grey;
+mod grey_page;
 mod scene;
 
-pub use grey::{CameraDistance, GreyComparison, grey_levels};
+pub use grey::{CameraDistance, Floor, GreyComparison, grey_levels};
 pub use scene::{SceneComparison, SceneRow, static_scene};
 
 /// The models that the paper compares, and this crate's own.

@@ -2,12 +2,11 @@
 
 use serde::Serialize;
 
-use crate::calibrate::statistics;
 use crate::draws::Seeds;
 use crate::effects::{Camera, Maps};
 use crate::error::{Error, Kind, Result};
 use crate::formats::Reader;
-use crate::measure::{Accumulator, Estimate, Options, Statistics, select_smooth};
+use crate::measure::{Accumulator, Estimate, Options, Statistics, of_stream, select_smooth};
 use crate::report::{Part, Table, page};
 use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::Packed;
@@ -58,7 +57,7 @@ pub fn static_scene(recording: &Reader, cameras: &[Camera], seeds: Seeds) -> Res
         frames: false,
         ..Options::default()
     };
-    let measured = statistics(recording, &options, &mut |_| {})?;
+    let measured = of_stream(recording, &options, &mut |_| {})?;
     let pixels = static_pixels(&measured);
     if readouts < 100 || pixels.len() < 500 {
         return Err(Error::new(Kind::Input, recording.name())

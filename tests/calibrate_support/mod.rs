@@ -2,6 +2,8 @@
 //! its types for results.
 #![allow(dead_code, reason = "each test takes what it needs")]
 
+pub mod score;
+
 use rayon::prelude::*;
 use spikelane::calibrate::Level;
 
