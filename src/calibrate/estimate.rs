@@ -200,8 +200,7 @@ impl<'a> Fitter<'a> {
             return;
         }
         let other = self.points_with(p, self.noise.square.sqrt() / (mean + sd));
-        let moved: Vec<_> =
-            other.iter().zip(points).map(|(q, own)| (own.0, q.x - own.1, own.2)).collect();
+        let moved: Vec<_> = other.iter().zip(points).map(|(q, own)| (own.0, q.x - own.1, own.2)).collect();
         let Some(step) = fit_line(&moved) else { return };
         fit.var_a += step.a * step.a;
         fit.var_d += step.d * step.d;

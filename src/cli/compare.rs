@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 
-use spikelane::calibrate::RecordingSet;
 use serde_json::{Value, json};
+use spikelane::calibrate::RecordingSet;
 use spikelane::compare::{CameraDistance, MODELS, SceneRow, grey_levels, static_scene};
 use spikelane::draws::Seeds;
 use spikelane::effects::Camera;
@@ -56,7 +56,8 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     std::fs::create_dir_all(&args.out).map_err(|e| Error::io(args.out.display(), e))?;
     let put = |name: &str, text: &str| {
         let path = args.out.join(name);
-        spikelane::storage::write_small(&path, text.as_bytes(), args.force).map(|()| path.display().to_string())
+        spikelane::storage::write_small(&path, text.as_bytes(), args.force)
+            .map(|()| path.display().to_string())
     };
     let json_error = |e| Error::new(Kind::Config, "comparison").found(e);
     let all = serde_json::to_string_pretty(&found.all).map_err(json_error)?;
@@ -94,7 +95,12 @@ fn grey(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<Foun
     let row = |m: &CameraDistance| line(&m.name, m.response_distance, &m.histogram_distance);
     let models: Vec<Value> = found.models.iter().map(row).collect();
     let floor = line("noise floor", found.floor.response, &found.floor.histograms);
-    Ok(Found { all: to_value(&found)?, page: found.page()?, summary: json!({"models": models, "floor": floor}), text })
+    Ok(Found {
+        all: to_value(&found)?,
+        page: found.page()?,
+        summary: json!({"models": models, "floor": floor}),
+        text,
+    })
 }
 
 fn still(args: &Args, cameras: &[Camera], seeds: Seeds) -> Result<Found> {

@@ -28,7 +28,12 @@ impl GreyComparison {
             "Response over grey level.",
         ));
         parts.push(Part::figure(
-            curves("Less the measured response", "grey level", "spikes per readout", &self.lines(|m, own| m - own))?,
+            curves(
+                "Less the measured response",
+                "grey level",
+                "spikes per readout",
+                &self.lines(|m, own| m - own),
+            )?,
             "The same as differences from the measured camera.",
         ));
         for i in 0..self.histogram_lights.len() {
@@ -51,7 +56,8 @@ impl GreyComparison {
 
     fn distances(&self) -> Table {
         let greys = self.histogram_lights.iter().map(|l| format!("intervals at grey {:.0}", l * 255.0));
-        let head: Vec<String> = ["camera".to_owned(), "response".to_owned()].into_iter().chain(greys).collect();
+        let head: Vec<String> =
+            ["camera".to_owned(), "response".to_owned()].into_iter().chain(greys).collect();
         let mut table = Table::new(&head.iter().map(String::as_str).collect::<Vec<_>>());
         let mut row = |name: &str, response: f64, histograms: &[f64]| {
             let cells = histograms.iter().map(|d| format!("{d:.4}"));
@@ -80,7 +86,8 @@ impl GreyComparison {
         let lines: Vec<Curve<'_>> = self.all().map(|c| Curve { name: &c.name, points: points(c) }).collect();
         let title = format!("Intervals at grey {:.0}", self.histogram_lights[i] * 255.0);
         let unit = if step == 1 { "readout".to_owned() } else { format!("{step} readouts") };
-        let caption = format!("Share of the intervals by length, bins of {unit}; all but the longest thousandth.");
+        let caption =
+            format!("Share of the intervals by length, bins of {unit}; all but the longest thousandth.");
         Ok(Part::figure(bars(&title, "interval in readouts", &lines)?, caption))
     }
 }

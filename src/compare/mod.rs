@@ -7,6 +7,7 @@
 mod grey;
 mod grey_page;
 mod scene;
+mod scene_page;
 
 pub use grey::{CameraDistance, Floor, GreyComparison, grey_levels};
 pub use scene::{SceneComparison, SceneRow, static_scene};

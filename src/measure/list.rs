@@ -25,7 +25,9 @@ const START: usize = 64;
 /// As [`summarise`].
 pub fn list(statistics: &Statistics) -> Result<Vec<Named>> {
     let mut all = of_rates(&summarise(statistics)?);
-    all.extend(statistics.counts.iter().flat_map(|c| Pair::ALL.map(|pair| coincidence(pair, c.correlation(pair)))));
+    all.extend(
+        statistics.counts.iter().flat_map(|c| Pair::ALL.map(|pair| coincidence(pair, c.correlation(pair)))),
+    );
     all.extend(statistics.intervals.iter().flat_map(of_intervals));
     all.extend(statistics.frames.iter().flat_map(of_frames));
     Ok(all)

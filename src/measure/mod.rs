@@ -47,7 +47,8 @@ pub use frames::{Extreme, Frames};
 pub use intervals::{Deviation, Halves, Intervals, LONGEST_LAG, Lengths, PhaseNoise, PixelIntervals};
 pub use list::{Named, list};
 pub use maps::{
-    Correlations, LineStructure, high_pass, line_structure, map_correlations, select_rate, select_smooth,
+    Correlations, LineStructure, box_means, high_pass, line_structure, map_correlations, select_rate,
+    select_smooth,
 };
 #[cfg(feature = "files")]
 pub use spectrum::{Line, Spectrum, spectrum};

@@ -16,11 +16,7 @@ const BATCH: usize = 496;
 ///
 /// # Errors
 /// When the stream cannot be read, or is too long.
-pub fn of_stream(
-    reader: &Reader,
-    options: &Options,
-    tell: &mut dyn FnMut(usize),
-) -> Result<Statistics> {
+pub fn of_stream(reader: &Reader, options: &Options, tell: &mut dyn FnMut(usize)) -> Result<Statistics> {
     let geometry = reader.geometry();
     let bands = (2 * rayon::current_num_threads()).clamp(1, geometry.height());
     let rows = |i: usize| i * geometry.height() / bands..(i + 1) * geometry.height() / bands;
