@@ -9,16 +9,16 @@ mod calibrate_support;
 
 use std::time::Instant;
 
-use calibrate_support::score::{Line, Score, observed, score};
+use calibrate_support::score::{Line, Score, observed, score, spread};
 use calibrate_support::{PUBLISHED, Pixel, pixels};
-use spikelane::calibrate::{Options, SneeOptions, calibrate, snee};
+use spikelane::calibrate::{Calibration, Options, SneeOptions, calibrate, snee};
 
 /// Width, height and readouts of the page's rows.
-const PAGE: [(u32, u32, u32); 3] = [(400, 250, 1_000), (400, 250, 10_000), (100, 64, 100_000)];
+const PAGE: [(u32, u32, u32); 3] = [(400, 250, 1_000), (400, 250, 10_000), (64, 40, 100_000)];
 const BEGIN: &str = "<!-- begin: cargo bench --bench calibrate -->\n";
 const END: &str = "<!-- end -->\n";
 
-const HEAD: &str = "| pixels | readouts | default: RMSE a / d | over the bound | coverage of 95 % | seconds \
+const HEAD: &str = "| pixels | readouts | default: RMSE a / d | over the bound (thresholds known) | coverage of 95 % | seconds \
 | paper's: RMSE a / d | over the bound | on the box | seconds |
 |---|---|---|---|---|---|---|---|---|---|
 ";
@@ -27,7 +27,36 @@ fn errors(s: &Score) -> String {
     format!("{:.4} % / {:.3} %", 100.0 * s.rmse[0], 100.0 * s.rmse[1] / PUBLISHED.dark)
 }
 
-fn row(width: u32, height: u32, readouts: u32) -> String {
+const POPULATION: &str = "
+| pixels | readouts | mean a | spread of a | mean d | spread of d | spread of thresholds | threshold noise | electrons a spike |
+|---|---|---|---|---|---|---|---|---|
+";
+
+/// Means and spreads against those of the realised pixels, noise against its law.
+fn population(found: &Calibration, truth: &[Pixel], name: &str) -> String {
+    let (mean_a, sd_a) = spread(truth.iter().map(Pixel::a));
+    let (mean_d, sd_d) = spread(truth.iter().map(Pixel::d));
+    let p = &found.population;
+    let off = [(p.mean_a, mean_a), (p.sd_a, sd_a), (p.mean_d, mean_d), (p.sd_d, sd_d)]
+        .map(|(e, truth)| format!("{:+.4} %", 100.0 * (e.value / truth - 1.0)));
+    let (phi, noise, k) = (p.sigma_phi, found.sigma_t, found.electrons);
+    format!(
+        "| {name} | {} | {:.3} % \u{b1} {:.3} % for {:.3} % | {:.4} % \u{b1} {:.4} % for {:.4} % | {:.0} \u{b1} {:.0} for {:.0} |\n",
+        off.join(" | "),
+        100.0 * phi.value,
+        100.0 * phi.error,
+        100.0 * PUBLISHED.threshold_sd,
+        100.0 * noise.value,
+        100.0 * noise.error,
+        100.0 * PUBLISHED.sigma_t,
+        k.value,
+        k.error,
+        PUBLISHED.photons,
+    )
+}
+
+fn rows(width: u32, height: u32, readouts: u32) -> [String; 2] {
+    let name = format!("{width}x{height} | {readouts}");
     let truth: Vec<Pixel> = pixels(&PUBLISHED, (width * height) as usize, 9);
     let observed = observed(&PUBLISHED, &truth, width, readouts);
     let clock = Instant::now();
@@ -45,18 +74,21 @@ fn row(width: u32, height: u32, readouts: u32) -> String {
         .map(|s| s.map_or(nothing, |s| [s.alpha / s.phi, s.dark / s.phi, f64::NAN, f64::NAN]))
         .collect();
     let theirs = score(&PUBLISHED, &truth, &lines, readouts);
-    format!(
-        "| {width}x{height} | {readouts} | {} | {:.2} / {:.2} | {:.1} % / {:.1} % | {seconds:.1} | {} | {:.0} / {:.0} | {:.1} % | {paper_seconds:.1} |\n",
+    let row = format!(
+        "| {name} | {} | {:.2} / {:.2} ({:.2} / {:.2}) | {:.1} % / {:.1} % | {seconds:.1} | {} | {:.0} / {:.0} | {:.1} % | {paper_seconds:.1} |\n",
         errors(&own),
         own.ratio[0],
         own.ratio[1],
+        own.ratio_known[0],
+        own.ratio_known[1],
         100.0 * own.coverage[0],
         100.0 * own.coverage[1],
         errors(&theirs),
         theirs.ratio[0],
         theirs.ratio[1],
         100.0 * paper.edges().share(),
-    )
+    );
+    [row, population(&found, &truth, &name)]
 }
 
 fn main() {
@@ -66,12 +98,14 @@ fn main() {
         [width, height, ref lengths @ ..] => lengths.iter().map(|n| (width, height, *n)).collect(),
         _ => panic!("WIDTH HEIGHT READOUTS... or nothing"),
     };
-    let mut table = HEAD.to_owned();
+    let mut tables = [HEAD.to_owned(), POPULATION.to_owned()];
     for (width, height, readouts) in sizes {
-        let row = row(width, height, readouts);
-        eprint!("{row}");
-        table += &row;
+        for (table, row) in tables.iter_mut().zip(rows(width, height, readouts)) {
+            eprint!("{row}");
+            *table += &row;
+        }
     }
+    let table = tables.concat();
     print!("{table}");
     if numbers.is_empty() {
         write_into_page(&table);

@@ -109,6 +109,17 @@ fn a_level_that_contradicts_the_others_is_named() {
 }
 
 #[test]
+fn levels_in_per_cent_are_found_out() {
+    let (folder, path) = record(&flats(&[0.0, 0.1, 0.3], 500));
+    let text = std::fs::read_to_string(&path).unwrap();
+    let text = text.replace("light = 0.1", "light = 10").replace("light = 0.3", "light = 30");
+    let path = folder.path().join("percent.toml");
+    std::fs::write(&path, text).unwrap();
+    let text = refused(&path);
+    assert!(text.contains("multiply all levels by 0.0"), "{text}");
+}
+
+#[test]
 fn an_upside_down_file_and_a_moving_scene_are_found() {
     let (folder, path) = record(&flats(&[0.0, 0.2, 0.4, 0.7], 1000));
     let text = std::fs::read_to_string(&path).unwrap();

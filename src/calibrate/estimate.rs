@@ -1,6 +1,6 @@
 //! The default estimator.
 //!
-//! 1. Rates by time `f`, which know `x` to `0.41/T`.
+//! 1. Rates by time `f`, which know `x` to `0.41/T`, without the bias of their ends.
 //! 2. Reset delay `r` and redrawn threshold noise undone:
 //!    charge balances when `x (1 - r f) = f - sigma^2 psi(f / sigma)`.
 //! 3. Weighted least squares per pixel, light levels as nuisances of all pixels together.
@@ -11,7 +11,7 @@
 use rayon::prelude::*;
 
 use super::check::{LEAST_SPIKES, SATURATED};
-use super::fit::{PixelFit, Weighting, fit_line, least_absolute};
+use super::fit::{PixelFit, Weighting, fit_line, least_absolute, without_end_bias};
 use super::observe::{Level, Observed};
 use super::population::Population;
 use super::result::{Calibration, Options, Redrawn};
@@ -142,6 +142,8 @@ impl<'a> Fitter<'a> {
         if f.is_nan() || f > SATURATED || (of_length && n == 0) {
             return None;
         }
+        let by_time = of_length && n >= LEAST_SPIKES;
+        let f = if by_time { without_end_bias(f, f64::from(n - 1)) } else { f };
         let whole = sigma * sigma * psi(f / sigma);
         let bias = if sigma > 0.0 { whole } else { 0.0 };
         let taken = if self.noise.redrawn == Redrawn::EveryReadout { bias } else { 0.0 };
@@ -154,7 +156,7 @@ impl<'a> Fitter<'a> {
             light: self.noise.light,
             dark: self.noise.dark,
         };
-        let variance = match (of_length, n >= LEAST_SPIKES) {
+        let variance = match (of_length, by_time) {
             (true, true) => weighting.variance(f, f64::from(n - 1), lit),
             // One or two spikes: a count at a random phase is off by half a spike at most.
             (true, false) => 0.25 / (f64::from(level.readouts)).powi(2),
@@ -264,6 +266,12 @@ impl<'a> Fitter<'a> {
         let misfits = (0..fits.len()).filter(|p| fits[*p].robust).collect();
         let population = Population::of(fits.iter().filter(|f| !f.robust));
         check_precision(&self, &population, options)?;
+        if self.electrons.error.is_nan() {
+            self.notes.push(format!(
+                "The intervals did not tell quanta from threshold noise: the {:.0} electrons per spike of the nominal circuit are assumed, and standard errors hold as far as that does.",
+                self.electrons.value
+            ));
+        }
         super::output::identify(&mut self.notes, self.observed, &population, self.bias_share);
         let levels = self.observed.levels.iter().map(|l| l.light).zip(self.offsets).collect();
         Ok(Calibration {

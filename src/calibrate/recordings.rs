@@ -95,7 +95,10 @@ impl Light {
         };
         if levels.iter().any(|l| !(0.0..=100.0).contains(l)) || length == 0 {
             return Err(Error::new(Kind::Config, format_args!("light of {file}"))
-                .found(format_args!("{self:?}"))
+                .found(match self {
+                    Self::Level(level) => level.to_string(),
+                    Self::Scene(scene) => format!("{scene:?}"),
+                })
                 .expected("levels from 0 to 100 of the light that saturates, lengths above zero"));
         }
         Ok(())
