@@ -81,13 +81,27 @@ impl GreyComparison {
         let points = |c: &CameraDistance| -> Vec<(f64, f64)> {
             let shares: Vec<f64> = c.histograms.get(i).into_iter().flatten().take(end).copied().collect();
             let centre = |bin: usize| (bin * step) as f64 + (step as f64 - 1.0) / 2.0;
-            shares.chunks(step).enumerate().map(|(bin, s)| (centre(bin), s.iter().sum())).collect()
+            // No interval has length 0.
+            let skip = usize::from(step == 1);
+            let bins = shares.chunks(step).enumerate().skip(skip);
+            bins.map(|(bin, s)| (centre(bin), s.iter().sum())).collect()
         };
-        let lines: Vec<Curve<'_>> = self.all().map(|c| Curve { name: &c.name, points: points(c) }).collect();
+        let mut lines: Vec<Curve<'_>> =
+            self.all().map(|c| Curve { name: &c.name, points: points(c) }).collect();
+        // A model without spread would flatten all others.
+        let highest = |c: &Curve<'_>| c.points.iter().map(|p| p.1).fold(0.0, f64::max);
+        let limit = 3.0 * highest(&lines[0]);
+        let cut: Vec<&str> = lines.iter().filter(|c| highest(c) > limit).map(|c| c.name).collect();
+        let cut = if cut.is_empty() {
+            String::new()
+        } else {
+            format!(" Cut at the upper edge: {}.", cut.join(", "))
+        };
+        lines.iter_mut().flat_map(|c| &mut c.points).for_each(|p| p.1 = p.1.min(limit));
         let title = format!("Intervals at grey {:.0}", self.histogram_lights[i] * 255.0);
-        let unit = if step == 1 { "readout".to_owned() } else { format!("{step} readouts") };
+        let unit = if step == 1 { "one readout".to_owned() } else { format!("{step} readouts") };
         let caption =
-            format!("Share of the intervals by length, bins of {unit}; all but the longest thousandth.");
+            format!("Share of the intervals by length, bins of {unit}; all but the longest thousandth.{cut}");
         Ok(Part::figure(bars(&title, "interval in readouts", &lines)?, caption))
     }
 }
