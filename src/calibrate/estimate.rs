@@ -48,8 +48,13 @@ pub(super) struct Point {
 pub fn calibrate(observed: &Observed, options: &Options) -> Result<Calibration> {
     let mut fitter = Fitter::new(observed, options)?;
     fitter.measure_noise();
-    fitter.fit(options.redrawn.is_none());
     if options.redrawn.is_none() {
+        // Pixels of low threshold have more noise and a higher dark rate: with one noise for all, a
+        // spread of 4.5 % looks like 13 % of the bias missing.
+        fitter.fit(false);
+        fitter.draw_thresholds();
+        fitter.measure_noise();
+        fitter.fit(true);
         fitter.choose_redraw();
     }
     // Thresholds tell each pixel's own noise, and that shifts its dark rate.
