@@ -81,6 +81,9 @@ pub(super) struct Fitter<'a> {
     notes: Vec<String>,
 }
 
+/// Largest standard error of the share of the redraw's bias that still decides between none and all.
+pub(super) const TOLD: f64 = 0.25;
+
 const NOTHING: Estimate = Estimate { value: 0.0, error: 0.0, samples: 0 };
 
 impl<'a> Fitter<'a> {
@@ -217,7 +220,7 @@ impl<'a> Fitter<'a> {
     /// Noise redrawn at every readout, or frozen: whichever the dark rate agrees with.
     fn choose_redraw(&mut self) {
         let share = self.bias_share;
-        if share.error > 0.25 {
+        if share.error > TOLD {
             self.notes.push(format!(
                 "Whether threshold noise is redrawn at every readout cannot be told (share of its rate bias {:.2} +- {:.2}); every readout is assumed.",
                 share.value, share.error

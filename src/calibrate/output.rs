@@ -47,11 +47,11 @@ pub(super) fn identify(
     }
     let light = observed.levels.iter().filter(|l| l.light > 0.0).count();
     say(format!(
-        "The scale of a is that of the {light} light levels given; an error common to all of them cannot be seen."
+        "The scale of a is that of the light given ({light} lit levels); an error common to all of them cannot be seen."
     ));
     if observed.levels.iter().all(|l| l.light > 0.0) {
         say("Without a recording in the dark, d is an extrapolation, and threshold noise was not told from shot noise.".to_owned());
-    } else if bias_share.error.is_finite() {
+    } else if bias_share.error < super::estimate::TOLD {
         say(format!(
             "Of the rate that noise redrawn at every readout would add, {:.3} +- {:.3} was found (1: redrawn at every readout, 0: frozen from reset to reset).",
             bias_share.value, bias_share.error
