@@ -102,6 +102,7 @@ pub fn levels(observed: &Observed) -> Result<()> {
             .remedy("add a recording in the dark and flats at 0.1, 0.3 and 0.6 of saturation"));
     }
     long_enough(&lit)?;
+    in_its_unit(levels)?;
     rising(levels)?;
     flips(observed)
 }
@@ -122,6 +123,29 @@ fn long_enough(lit: &[&Level]) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Light is counted in what gives one spike per readout, so a level's rate is nearly its light:
+/// percent, grey values or lux are found out. Rate maps may have a unit of their own.
+fn in_its_unit(levels: &[Level]) -> Result<()> {
+    let streams: Vec<(&Level, f64)> =
+        levels.iter().filter(|l| l.readouts > 0).map(|l| (l, l.median_rate())).collect();
+    let usable = |l: &&(&Level, f64)| l.1 <= SATURATED && l.0.light > 0.0;
+    let (Some((_, dark)), Some((level, rate))) = (streams.first(), streams.iter().rfind(usable)) else {
+        return Ok(());
+    };
+    let lowest = streams[0].0.light;
+    if level.light <= lowest {
+        return Ok(());
+    }
+    let slope = (rate - dark) / (level.light - lowest);
+    if (0.5..2.0).contains(&slope) {
+        return Ok(());
+    }
+    Err(error(&level.name)
+        .found(format_args!("rate {rate:.4} at light {}", level.light))
+        .expected("light as a fraction of what gives one spike per readout, so a rate near it")
+        .remedy(format_args!("multiply all levels by {slope:.4}")))
 }
 
 /// More light must give more spikes, nearly in proportion.

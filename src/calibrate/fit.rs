@@ -23,6 +23,19 @@ impl Weighting {
     }
 }
 
+/// A time-based rate `f` over `intervals` intervals without the bias of its ends.
+///
+/// The first spike of a window lies up to one readout behind its crossing of the threshold, and the
+/// last one too, but not evenly: crossings are uniform over one period `1/f = k + r` after the start and
+/// before the end, and the odd `r` readouts belong to late crossings at the start and to early
+/// ones at the end. The span is short by `f r (1 - r)`, which is up to 0.4 standard errors of a single rate
+/// and the same for all pixels of a level.
+#[must_use]
+pub fn without_end_bias(f: f64, intervals: f64) -> f64 {
+    let r = (1.0 / f).fract();
+    f / (1.0 + f * f * r * (1.0 - r) / intervals)
+}
+
 /// One pixel's line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PixelFit {
@@ -111,6 +124,28 @@ pub fn least_absolute(points: &[(f64, f64, f64)]) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_rate_by_time_of_an_integrator_has_no_bias_left() {
+        // All start phases of an integrator of rate 0.7 in 100 readouts: by time alone 1.7e-3 too fast.
+        let (rate, readouts, phases) = (0.7_f64, 100, 10_000);
+        let (mut plain, mut corrected) = (0.0, 0.0);
+        for i in 0..phases {
+            let start = (f64::from(i) + 0.5) / f64::from(phases);
+            let fires = |t: &i32| {
+                let before = (start + rate * f64::from(*t)).floor();
+                (start + rate * f64::from(t + 1)).floor() > before
+            };
+            let times: Vec<i32> = (0..readouts).filter(fires).collect();
+            let intervals = times.len() as f64 - 1.0;
+            let f = intervals / f64::from(times[times.len() - 1] - times[0]);
+            plain += f / rate - 1.0;
+            corrected += without_end_bias(f, intervals) / rate - 1.0;
+        }
+        let n = f64::from(phases);
+        assert!((plain / n - 1.7e-3).abs() < 2e-4, "{}", plain / n);
+        assert!((corrected / n).abs() < 1e-4, "{}", corrected / n);
+    }
 
     #[test]
     fn one_wild_level_does_not_move_the_least_absolute_line() {

@@ -12,8 +12,11 @@
 mod check;
 mod estimate;
 mod fit;
+mod levels;
+mod noise;
 mod observe;
 mod output;
+mod page;
 mod population;
 mod protocol;
 mod recordings;
@@ -24,12 +27,12 @@ mod solve;
 
 pub use estimate::calibrate;
 pub use fit::{PixelFit, Weighting, fit_line, least_absolute};
-pub(crate) use observe::statistics;
 pub use observe::{IntervalNoise, Level, Observed, Progress, observe};
-pub use output::{Files, page, write};
+pub use output::{Files, write};
+pub use page::page;
 pub use population::{Population, threshold_spread};
 pub use protocol::{Precision, Protocol, predict};
 pub use recordings::{Light, RateMap, Recording, RecordingSet, Scene};
 pub use result::{Calibration, Options, Redrawn};
 pub use selection::{nu, psi};
-pub use snee::{Snee, SneeMaps, SneeOptions, snee};
+pub use snee::{Edges, Snee, SneeMaps, SneeOptions, snee};

@@ -8,11 +8,8 @@ use super::check;
 use super::recordings::{Light, RateMap, RecordingSet};
 use crate::error::{Error, Kind, Result};
 use crate::formats::Reader;
-use crate::measure::{Accumulator, NEVER, Options, Statistics, median};
-use crate::spikes::{Geometry, Packed};
-
-/// Readouts read at a time.
-const BATCH: usize = 496;
+use crate::measure::{NEVER, Options, Statistics, median, of_stream};
+use crate::spikes::Geometry;
 
 /// Levels up to this light have their intervals measured: beyond, a spike's phase noise
 /// drowns in quantisation, and intervals cost most.
@@ -131,37 +128,6 @@ pub fn observe(set: &RecordingSet, progress: Progress<'_>) -> Result<Observed> {
     Ok(observed)
 }
 
-/// Statistics of a whole stream, bands of rows side by side.
-pub(crate) fn statistics(
-    reader: &Reader,
-    options: &Options,
-    tell: &mut dyn FnMut(usize),
-) -> Result<Statistics> {
-    let geometry = reader.geometry();
-    let bands = (2 * rayon::current_num_threads()).clamp(1, geometry.height());
-    let rows = |i: usize| i * geometry.height() / bands..(i + 1) * geometry.height() / bands;
-    let band =
-        |i| Accumulator::new(geometry, &Options { rows: Some(rows(i)), frames: false, ..options.clone() });
-    let mut accumulators = (0..bands).map(band).collect::<Result<Vec<_>>>()?;
-    if options.frames {
-        let whole = Options { rows: None, frames: true, ..Options::only_frames() };
-        accumulators.push(Accumulator::new(geometry, &whole)?);
-    }
-    let mut buffer = vec![0; BATCH * geometry.frame_bytes()];
-    let mut at = 0;
-    while at < reader.readouts() {
-        let now = BATCH.min(reader.readouts() - at);
-        let bytes = &mut buffer[..now * geometry.frame_bytes()];
-        reader.read_frames(at, bytes)?;
-        let packed = Packed::new(geometry, bytes)?;
-        accumulators.par_iter_mut().try_for_each(|a| a.push(packed))?;
-        reader.release(at..at + now);
-        at += now;
-        tell(at);
-    }
-    Statistics::join(accumulators.into_iter().map(Accumulator::finish).collect())
-}
-
 fn measured(reader: &Reader, intervals: bool, tell: &mut dyn FnMut(usize)) -> Result<Statistics> {
     let options = Options {
         counts: true,
@@ -172,7 +138,7 @@ fn measured(reader: &Reader, intervals: bool, tell: &mut dyn FnMut(usize)) -> Re
         series_readouts: 0,
         ..Options::default()
     };
-    statistics(reader, &options, tell)
+    of_stream(reader, &options, tell)
 }
 
 fn level(name: &str, light: f64, statistics: &Statistics) -> Level {

@@ -7,9 +7,9 @@ use serde_json::json;
 use super::observe::Observed;
 use super::population::Population;
 use super::result::{Calibration, Redrawn};
+use super::snee::{Snee, SneeMaps};
 use crate::error::{Error, Kind, Result};
-use crate::measure::{Estimate, finite, median};
-use crate::report::{Curve, Part, Table, bars, heat_map, page as render};
+use crate::measure::{Estimate, median};
 
 /// The files of a calibration.
 #[derive(Clone, Debug)]
@@ -47,11 +47,11 @@ pub(super) fn identify(
     }
     let light = observed.levels.iter().filter(|l| l.light > 0.0).count();
     say(format!(
-        "The scale of a is that of the {light} light levels given; an error common to all of them cannot be seen."
+        "The scale of a is that of the light given ({light} lit levels); an error common to all of them cannot be seen."
     ));
     if observed.levels.iter().all(|l| l.light > 0.0) {
         say("Without a recording in the dark, d is an extrapolation, and threshold noise was not told from shot noise.".to_owned());
-    } else if bias_share.error.is_finite() {
+    } else if bias_share.error < super::estimate::TOLD {
         say(format!(
             "Of the rate that noise redrawn at every readout would add, {:.3} +- {:.3} was found (1: redrawn at every readout, 0: frozen from reset to reset).",
             bias_share.value, bias_share.error
@@ -91,8 +91,24 @@ impl Calibration {
             "lost_increment": self.lost_increment,
             "chi2_per_freedom": self.chi2_per_freedom(),
             "levels": self.levels.iter().map(|(l, e)| json!({"light": l, "deviation": number(*e)})).collect::<Vec<_>>(),
+            "snee": self.paper.as_ref().map(|paper| self.paper_json(paper)),
             "dead": self.dead, "hot": self.hot, "misfits": self.misfits,
             "notes": self.notes,
+        })
+    }
+
+    fn paper_json(&self, paper: &SneeMaps) -> serde_json::Value {
+        let moments = |of: fn(&Snee) -> f64| {
+            let (mean, sd) = mean_and_sd(&paper.map(of));
+            json!({ "mean": mean, "sd": sd })
+        };
+        json!({
+            "box": paper.box_width,
+            "pixels_on": paper.edges(),
+            "share_on_edge": paper.edges().share(),
+            "light_scale": paper.light_scale,
+            "a": moments(|s| s.alpha / s.phi), "d": moments(|s| s.dark / s.phi),
+            "phi": moments(|s| s.phi), "c_s": moments(|s| s.c_s), "v_s": moments(|s| s.v_s),
         })
     }
 
@@ -105,7 +121,7 @@ impl Calibration {
         (!all.is_empty()).then(|| median(&mut all))
     }
 
-    fn maps(&self) -> [(&'static str, Vec<f64>); 6] {
+    pub(super) fn maps(&self) -> [(&'static str, Vec<f64>); 6] {
         let map = |f: fn(&super::PixelFit) -> f64| self.fits.iter().map(f).collect::<Vec<f64>>();
         [
             ("a", map(|f| f.a)),
@@ -118,7 +134,7 @@ impl Calibration {
     }
 }
 
-/// Writes `camera.toml` with its maps, the maps of the fit, `calibration.json` and
+/// Writes `camera.toml` with its maps, the maps of the fit (and of the paper's), `calibration.json` and
 /// `report.html` into `folder`, which is created.
 ///
 /// # Errors
@@ -133,15 +149,33 @@ pub fn write(calibration: &Calibration, folder: &Path, force: bool) -> Result<Fi
     for (name, map) in calibration.maps() {
         put(&format!("fit_{name}.npy"), &npy(&map, calibration.sensor.geometry.width())?)?;
     }
+    for (name, map) in calibration.paper.iter().flat_map(paper_maps) {
+        put(&format!("snee_{name}.npy"), &npy(&map, calibration.sensor.geometry.width())?)?;
+    }
     put("camera.toml", saved.text.as_bytes())?;
     let text = serde_json::to_string_pretty(&calibration.to_json());
     put("calibration.json", text.map_err(|e| Error::new(Kind::Config, "calibration").found(e))?.as_bytes())?;
-    put("report.html", page(calibration)?.as_bytes())?;
+    put("report.html", super::page(calibration)?.as_bytes())?;
     Ok(Files {
         camera: folder.join("camera.toml"),
         json: folder.join("calibration.json"),
         report: folder.join("report.html"),
     })
+}
+
+fn paper_maps(paper: &SneeMaps) -> [(&'static str, Vec<f64>); 4] {
+    [
+        ("c_s", paper.map(|s| s.c_s)),
+        ("v_s", paper.map(|s| s.v_s)),
+        ("alpha", paper.map(|s| s.alpha)),
+        ("dark", paper.map(|s| s.dark)),
+    ]
+}
+
+/// Mean and standard deviation of the finite entries.
+pub(super) fn mean_and_sd(map: &[f64]) -> (f64, f64) {
+    let all = Estimate::mean(map.iter().copied());
+    (all.value, all.error * (all.samples as f64).sqrt())
 }
 
 fn npy(map: &[f64], width: usize) -> Result<Vec<u8>> {
@@ -154,73 +188,4 @@ fn npy(map: &[f64], width: usize) -> Result<Vec<u8>> {
     writer.extend(map.iter().copied()).map_err(io)?;
     writer.finish().map_err(io)?;
     Ok(bytes)
-}
-
-/// The page of a calibration.
-///
-/// # Errors
-/// When a plot cannot be made.
-pub fn page(c: &Calibration) -> Result<String> {
-    let width = c.sensor.geometry.width();
-    let p = &c.population;
-    let mut table = Table::new(&["quantity", "value", "standard error"]);
-    let rows = [
-        ("mean gain a (thresholds per readout at full light)", p.mean_a),
-        ("PRNU: spread of a", p.sd_a),
-        ("mean dark rate d (thresholds per readout)", p.mean_d),
-        ("DSNU: spread of d", p.sd_d),
-        ("spread of thresholds", p.sigma_phi),
-        ("threshold noise, of the threshold", c.sigma_t),
-        ("electrons per spike", c.electrons),
-    ];
-    for (name, e) in rows {
-        table.row([name.to_owned(), format!("{:.6}", e.value), format!("{:.2e}", e.error)]);
-    }
-    let mut levels = Table::new(&["light given", "deviation found", "standard error"]);
-    for (light, e) in &c.levels {
-        levels.row([format!("{light:.5}"), format!("{:+.2e}", e.value), format!("{:.1e}", e.error)]);
-    }
-    let defects = format!(
-        "{} dead pixels, {} hot ones, {} whose levels do not lie on a line (fitted by least absolute deviations). Median chi-square per degree of freedom {}.",
-        c.dead.len(),
-        c.hot.len(),
-        c.misfits.len(),
-        c.chi2_per_freedom().map_or("unknown".to_owned(), |x| format!("{x:.3}"))
-    );
-    let [(_, a), _, (_, d), ..] = c.maps();
-    let histogram = |title: &str, map: &[f64]| -> Result<Part> {
-        let points = histogram(map);
-        let plot = bars(title, "thresholds per readout", &[Curve { name: "pixels", points }])?;
-        Ok(Part::figure(plot, "Between the 0.1th and the 99.9th percentile."))
-    };
-    let parts = [
-        Part::heading("Population"),
-        Part::Table(table),
-        Part::heading("What the recordings could and could not tell"),
-        Part::List { items: c.notes.clone() },
-        Part::heading("Defects"),
-        Part::text(defects),
-        Part::heading("Maps"),
-        Part::figure(heat_map(&a, width, "map of a")?, "Gain a, 1st to 99th percentile; red: unknown."),
-        Part::figure(heat_map(&d, width, "map of d")?, "Dark rate d, likewise."),
-        histogram("Gain a", &a)?,
-        histogram("Dark rate d", &d)?,
-        Part::heading("Light levels"),
-        Part::Table(levels),
-    ];
-    render("Calibration", &parts)
-}
-
-/// 60 bins between the 0.1th and the 99.9th percentile: centre and share.
-fn histogram(map: &[f64]) -> Vec<(f64, f64)> {
-    let mut sorted = finite(map);
-    sorted.sort_by(f64::total_cmp);
-    let at = |share: f64| sorted.get((share * sorted.len() as f64) as usize).copied().unwrap_or(0.0);
-    let (low, high) = (at(0.001), at(0.999));
-    let step = ((high - low) / 60.0).max(f64::MIN_POSITIVE);
-    let mut bins = [0.0; 60];
-    for x in sorted.iter().filter(|x| (low..high).contains(*x)) {
-        bins[(((x - low) / step) as usize).min(59)] += 1.0 / sorted.len() as f64;
-    }
-    bins.iter().enumerate().map(|(i, n)| (low + (i as f64 + 0.5) * step, *n)).collect()
 }

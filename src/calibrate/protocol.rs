@@ -17,7 +17,7 @@ const BATCH: usize = 496;
 /// Recordings to make: what stands in front of the camera, and for how long.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Protocol {
-    /// File stem and light of each recording.
+    /// File stem and light of each recording, in full scales.
     pub recordings: Vec<(String, Light)>,
     /// Readouts of each.
     pub readouts: u32,
@@ -53,7 +53,7 @@ impl Protocol {
     }
 
     /// Simulates every recording of `camera` into `folder`, as `.dat`, with `recordings.toml`; returns that
-    /// file's path. Each recording has a sequence number of its own, so that their noise differs.
+    /// file's path. That file gives light as a set does, in the light of one spike per readout. Each recording has a sequence number of its own, so that their noise differs.
     ///
     /// # Errors
     /// When the camera cannot be planned, a file exists and `force` is not set, or the disk is full.
@@ -80,7 +80,7 @@ impl Protocol {
         let geometry = camera.sensor.geometry;
         let recording = |(stem, light): &(String, Light)| Recording {
             file: format!("{stem}.dat"),
-            light: *light,
+            light: light.scaled(camera.sensor.thresholds_at_full_scale),
             layout: None,
         };
         let set = RecordingSet {
@@ -88,6 +88,7 @@ impl Protocol {
             height: geometry.height() as u32,
             readout_hz: camera.sensor.readout_hz,
             layout: None,
+            simulated: Some(camera.name.clone()),
             recordings: self.recordings.iter().map(recording).collect(),
             rate_maps: Vec::new(),
             folder: folder.to_path_buf(),

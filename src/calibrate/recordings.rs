@@ -71,6 +71,21 @@ impl Light {
         }
     }
 
+    /// The same light with every level times `factor`.
+    #[must_use]
+    pub fn scaled(self, factor: f64) -> Self {
+        match self {
+            Self::Level(level) => Self::Level(level * factor),
+            Self::Scene(Scene::Square { high, low, half_period }) => {
+                Self::Scene(Scene::Square { high: high * factor, low: low * factor, half_period })
+            }
+            Self::Scene(Scene::Checkerboard { high, low, cell }) => {
+                Self::Scene(Scene::Checkerboard { high: high * factor, low: low * factor, cell })
+            }
+            Self::Scene(Scene::StaticUnknown {}) => self,
+        }
+    }
+
     fn check(self, file: &str) -> Result<()> {
         let (levels, length) = match self {
             Self::Level(level) => ([level, level], 1),
@@ -80,7 +95,10 @@ impl Light {
         };
         if levels.iter().any(|l| !(0.0..=100.0).contains(l)) || length == 0 {
             return Err(Error::new(Kind::Config, format_args!("light of {file}"))
-                .found(format_args!("{self:?}"))
+                .found(match self {
+                    Self::Level(level) => level.to_string(),
+                    Self::Scene(scene) => format!("{scene:?}"),
+                })
                 .expected("levels from 0 to 100 of the light that saturates, lengths above zero"));
         }
         Ok(())
@@ -126,6 +144,9 @@ pub struct RecordingSet {
     /// Layout of the files, `dat` when absent; see [`Layout`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub layout: Option<String>,
+    /// The camera that was simulated, when no real one made these recordings: reports say so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub simulated: Option<String>,
     /// Streams.
     #[serde(default, rename = "recording")]
     pub recordings: Vec<Recording>,

@@ -2,6 +2,7 @@
 
 use super::fit::PixelFit;
 use super::population::Population;
+use super::snee::SneeMaps;
 use crate::effects::{Camera, Maps, find};
 use crate::error::Result;
 use crate::measure::Estimate;
@@ -79,6 +80,8 @@ pub struct Calibration {
     pub lost_increment: f64,
     /// What the data could and could not tell, in sentences.
     pub notes: Vec<String>,
+    /// The paper's estimator on the same data, when it was run: shown beside, and used for nothing.
+    pub paper: Option<SneeMaps>,
 }
 
 impl Calibration {

@@ -7,7 +7,7 @@
 //!
 //! The objective is homogeneous of degree one: shrinking all three unknowns together
 //! shrinks it, so `phi` ends on the lower side of the box wherever the residuals are not
-//! zero. [`SneeMaps::on_box`] counts those pixels; what the paper reports as the spread of
+//! zero. [`SneeMaps::edges`] counts those pixels; what the paper reports as the spread of
 //! `C_S` and `V_S` is then the box.
 
 use clarabel::algebra::CscMatrix;
@@ -57,10 +57,59 @@ pub struct Snee {
 pub struct SneeMaps {
     /// Per pixel, row-major; `None` where the solver gave up.
     pub pixels: Vec<Option<Snee>>,
-    /// Share of the solved pixels whose threshold lies on an edge of the box.
-    pub on_box: f64,
+    /// The box of the threshold: its half width about 1.
+    pub box_width: f64,
     /// Factor that was applied to the light, 1 when levels are known.
     pub light_scale: f64,
+}
+
+/// Where the thresholds of the paper's estimator lie in their box: numbers of pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Edges {
+    /// On the lower edge.
+    pub lower: usize,
+    /// Between the edges.
+    pub inside: usize,
+    /// On the upper edge.
+    pub upper: usize,
+    /// Not solved.
+    pub failed: usize,
+}
+
+impl Edges {
+    /// Share of the solved pixels that lie on an edge.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        let edge = self.lower + self.upper;
+        edge as f64 / (edge + self.inside).max(1) as f64
+    }
+}
+
+/// How near an edge counts as on it: the solver's tolerance is 1e-8 of an objective that is flat along the box.
+const ON_EDGE: f64 = 1e-4;
+
+impl SneeMaps {
+    /// How many thresholds lie on the edges of the box.
+    #[must_use]
+    pub fn edges(&self) -> Edges {
+        let mut edges = Edges::default();
+        for pixel in &self.pixels {
+            let place = match pixel.map(|s| s.phi - 1.0) {
+                None => &mut edges.failed,
+                Some(x) if x < ON_EDGE - self.box_width => &mut edges.lower,
+                Some(x) if x > self.box_width - ON_EDGE => &mut edges.upper,
+                Some(_) => &mut edges.inside,
+            };
+            *place += 1;
+        }
+        edges
+    }
+
+    /// One number of every pixel; NaN where the solver gave up.
+    #[must_use]
+    pub fn map(&self, of: fn(&Snee) -> f64) -> Vec<f64> {
+        self.pixels.iter().map(|p| p.as_ref().map_or(f64::NAN, of)).collect()
+    }
 }
 
 /// Runs the paper's estimator on the levels of `observed` that are streams.
@@ -94,10 +143,7 @@ pub fn snee(observed: &Observed, options: &SneeOptions) -> Result<SneeMaps> {
         solve(&rates, &lights, options)
     };
     let pixels: Vec<Option<Snee>> = (0..pixels).into_par_iter().map(of_pixel).collect();
-    let solved = pixels.iter().flatten().count();
-    let edge = |s: &&Snee| (s.phi - 1.0).abs() > options.box_width - 1e-4;
-    let on_box = pixels.iter().flatten().filter(edge).count() as f64 / solved.max(1) as f64;
-    Ok(SneeMaps { pixels, on_box, light_scale })
+    Ok(SneeMaps { pixels, box_width: options.box_width, light_scale })
 }
 
 /// Unknowns `phi, alpha, dark`, then one slack per level: `|residual_k| <= slack_k`.

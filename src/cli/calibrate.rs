@@ -4,8 +4,14 @@ use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 
-use spikelane::calibrate::{Options, RecordingSet, SneeOptions, calibrate, observe, snee, write};
+use serde_json::json;
+use spikelane::calibrate::{
+    Calibration, Files as Written, Options, RecordingSet, SneeOptions, calibrate, observe, snee, write,
+};
 use spikelane::error::Result;
+
+use super::output::Out;
+use super::progress::Files;
 
 /// Fit a camera to recordings of known light.
 #[derive(Debug, ClapArgs)]
@@ -39,34 +45,42 @@ pub struct Args {
 ///
 /// # Errors
 /// When the set is bad, or a file cannot be written.
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &Args, out: &Out) -> Result<()> {
     let set = RecordingSet::open(&args.recordings)?;
-    let bar = indicatif::ProgressBar::new(1000);
-    let observed = observe(&set, &mut |name, share| {
-        bar.set_message(name.to_owned());
-        bar.set_position((share * 1000.0) as u64);
-    })?;
-    bar.finish_and_clear();
+    let mut progress = Files::new(out);
+    let observed = observe(&set, &mut |name, share| progress.step(name, share))?;
+    drop(progress);
     let options = Options {
         lost_increment: args.dead_time,
         light_uncertainty: args.light_uncertainty,
         precision: args.precision,
         ..Options::default()
     };
-    let calibration = calibrate(&observed, &options)?;
-    let files = write(&calibration, &args.out, args.force)?;
-    for note in &calibration.notes {
-        println!("{note}");
-    }
-    println!("{}\n{}\n{}", files.camera.display(), files.json.display(), files.report.display());
+    let mut calibration = calibrate(&observed, &options)?;
     if args.snee {
         let options = SneeOptions { levels_known: !args.levels_unknown, ..SneeOptions::default() };
-        let found = snee(&observed, &options)?;
-        println!(
-            "The paper's estimator put {:.1} % of the thresholds on the edge of its box of +-{:.0} %: there the split into C_S and V_S is the box, not a measurement.",
-            100.0 * found.on_box,
-            100.0 * options.box_width
-        );
+        calibration.paper = Some(snee(&observed, &options)?);
     }
-    Ok(())
+    let files = write(&calibration, &args.out, args.force)?;
+    let mut result = calibration.to_json();
+    result["event"] = json!("done");
+    result["files"] = json!([&files.camera, &files.json, &files.report].map(|f| f.display().to_string()));
+    out.result(&result, &text(&calibration, &files))
+}
+
+fn text(calibration: &Calibration, files: &Written) -> String {
+    let mut lines = calibration.notes.clone();
+    if let Some(paper) = &calibration.paper {
+        let edges = paper.edges();
+        lines.push(format!(
+            "The paper's estimator put {} thresholds on the lower edge of its box of +-{:.0} %, {} on the upper one and {} between ({} not solved): on an edge the split into C_S and V_S is the box, not a measurement.",
+            edges.lower,
+            100.0 * paper.box_width,
+            edges.upper,
+            edges.inside,
+            edges.failed
+        ));
+    }
+    lines.extend([&files.camera, &files.json, &files.report].map(|f| f.display().to_string()));
+    lines.join("\n") + "\n"
 }

@@ -4,13 +4,17 @@ use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 
+use serde_json::{Value, json};
 use spikelane::calibrate::RecordingSet;
-use spikelane::compare::{MODELS, grey_levels, static_scene};
+use spikelane::compare::{CameraDistance, MODELS, SceneRow, grey_levels, static_scene};
 use spikelane::draws::Seeds;
+use spikelane::effects::Camera;
 use spikelane::error::{Error, Kind, Result};
-use spikelane::formats::{Layout, Reader};
 use spikelane::presets;
-use spikelane::spikes::Geometry;
+
+use super::output::Out;
+use super::progress::Files;
+use super::stream::StreamArgs;
 
 /// Compare presets or camera files with a recording set (.toml) or one static recording.
 #[derive(Debug, ClapArgs)]
@@ -19,15 +23,8 @@ pub struct Args {
     measured: PathBuf,
     /// Presets or camera files; the paper's five and `physical` when none is given.
     cameras: Vec<String>,
-    /// Width of a headerless stream.
-    #[arg(long)]
-    width: Option<u32>,
-    /// Height of a headerless stream.
-    #[arg(long)]
-    height: Option<u32>,
-    /// Layout of the stream.
-    #[arg(long)]
-    layout: Option<String>,
+    #[command(flatten)]
+    stream: StreamArgs,
     /// Longest simulation of a level, in readouts.
     #[arg(long, default_value_t = 2000)]
     longest: usize,
@@ -46,7 +43,7 @@ pub struct Args {
 ///
 /// # Errors
 /// When an input is bad, or a file cannot be written.
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &Args, out: &Out) -> Result<()> {
     let names: Vec<&str> = if args.cameras.is_empty() {
         MODELS.to_vec()
     } else {
@@ -54,36 +51,71 @@ pub fn run(args: &Args) -> Result<()> {
     };
     let cameras = names.into_iter().map(presets::load).collect::<Result<Vec<_>>>()?;
     let seeds = Seeds { camera: args.seed, shot: args.seed, sequence: 0 };
-    let json_error = |e| Error::new(Kind::Config, "comparison").found(e);
     let is_set = args.measured.extension().is_some_and(|e| e == "toml");
-    let (json, html) = if is_set {
-        let set = RecordingSet::open(&args.measured)?;
-        let found = grey_levels(&set, &cameras, seeds, args.longest)?;
-        for model in &found.models {
-            println!(
-                "{:<14} response {:.5}, histograms {:.4?}",
-                model.name, model.response_distance, model.histogram_distance
-            );
-        }
-        println!("{:<14} response {:.5}, histograms {:.4?}", "noise floor", found.floor.0, found.floor.1);
-        (serde_json::to_string_pretty(&found).map_err(json_error)?, found.page()?)
-    } else {
-        let geometry = args.width.zip(args.height).map(|(w, h)| Geometry::new(w, h)).transpose()?;
-        let layout = args.layout.as_deref().map(Layout::parse).transpose()?;
-        let found = static_scene(&Reader::open(&args.measured, layout, geometry)?, &cameras, seeds)?;
-        println!(
-            "{} static pixels, mean rate {:.4}, noise floor {:.3}",
-            found.pixels, found.mean_rate, found.floor
-        );
-        for model in &found.models {
-            println!(
-                "{:<14} distance {:.3}, beyond lag 8 {:.3}",
-                model.name, model.distance, model.slow_distance
-            );
-        }
-        (serde_json::to_string_pretty(&found).map_err(json_error)?, found.page()?)
-    };
+    let found = if is_set { grey(args, &cameras, seeds, out)? } else { still(args, &cameras, seeds)? };
     std::fs::create_dir_all(&args.out).map_err(|e| Error::io(args.out.display(), e))?;
-    spikelane::storage::write_small(&args.out.join("comparison.json"), json.as_bytes(), args.force)?;
-    spikelane::storage::write_small(&args.out.join("comparison.html"), html.as_bytes(), args.force)
+    let put = |name: &str, text: &str| {
+        let path = args.out.join(name);
+        spikelane::storage::write_small(&path, text.as_bytes(), args.force)
+            .map(|()| path.display().to_string())
+    };
+    let json_error = |e| Error::new(Kind::Config, "comparison").found(e);
+    let all = serde_json::to_string_pretty(&found.all).map_err(json_error)?;
+    let files = [put("comparison.json", &all)?, put("comparison.html", &found.page)?];
+    let mut summary = found.summary;
+    summary["event"] = json!("done");
+    summary["files"] = json!(files);
+    out.result(&summary, &format!("{}{}\n{}\n", found.text, files[0], files[1]))
+}
+
+/// What a comparison leaves: everything, the page, and the distances as JSON and as text.
+struct Found {
+    all: Value,
+    page: String,
+    summary: Value,
+    text: String,
+}
+
+fn to_value(found: &impl serde::Serialize) -> Result<Value> {
+    serde_json::to_value(found).map_err(|e| Error::new(Kind::Config, "comparison").found(e))
+}
+
+fn grey(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<Found> {
+    let set = RecordingSet::open(&args.measured)?;
+    let mut progress = Files::new(out);
+    let mut tell = |name: &str, share: f64| progress.step(name, share);
+    let found = grey_levels(&set, cameras, seeds, args.longest, &mut tell)?;
+    drop(progress);
+    let mut text = String::new();
+    let mut line = |name: &str, response: f64, histograms: &[f64]| {
+        let cells: Vec<String> = histograms.iter().map(|d| format!("{d:.4}")).collect();
+        text += &format!("{name:<14} response {response:.5}, histograms {}\n", cells.join(" "));
+        json!({"name": name, "response": response, "histograms": histograms})
+    };
+    let row = |m: &CameraDistance| line(&m.name, m.response_distance, &m.histogram_distance);
+    let models: Vec<Value> = found.models.iter().map(row).collect();
+    let floor = line("noise floor", found.floor.response, &found.floor.histograms);
+    Ok(Found {
+        all: to_value(&found)?,
+        page: found.page()?,
+        summary: json!({"models": models, "floor": floor}),
+        text,
+    })
+}
+
+fn still(args: &Args, cameras: &[Camera], seeds: Seeds) -> Result<Found> {
+    let found = static_scene(&args.stream.open(&args.measured)?, cameras, seeds)?;
+    let mut text = format!(
+        "{} static pixels, mean rate {:.4}, noise floor {:.3}\n",
+        found.pixels, found.mean_rate, found.floor
+    );
+    let mut row = |m: &SceneRow| {
+        let (near, far) = (m.distance, m.slow_distance);
+        text += &format!("{:<14} distance {near:.3}, beyond lag 8 {far:.3}\n", m.name);
+        json!({"name": m.name, "distance": near, "slow_distance": far})
+    };
+    let models: Vec<Value> = found.models.iter().map(&mut row).collect();
+    let summary =
+        json!({"pixels": found.pixels, "mean_rate": found.mean_rate, "floor": found.floor, "models": models});
+    Ok(Found { all: to_value(&found)?, page: found.page()?, summary, text })
 }

@@ -3,27 +3,22 @@
 use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
-
+use serde_json::json;
 use spikelane::error::{Error, Kind, Result};
-use spikelane::formats::{Layout, Reader};
-use spikelane::measure::{Accumulator, Estimate, Options, Summary, high_pass, summarise};
+use spikelane::measure::{Estimate, Named, Options, Summary, high_pass, list, of_stream, summarise};
 use spikelane::report::{Curve, Part, Table, bars, heat_map, page};
-use spikelane::spikes::{Geometry, Packed};
+
+use super::output::Out;
+use super::progress::Files;
+use super::stream::StreamArgs;
 
 /// Measure a stream of a uniform, dark or static scene, in the words of EMVA 1288.
 #[derive(Debug, ClapArgs)]
 pub struct Args {
     /// The stream.
     file: PathBuf,
-    /// Width of a headerless stream.
-    #[arg(long)]
-    width: Option<u32>,
-    /// Height of a headerless stream.
-    #[arg(long)]
-    height: Option<u32>,
-    /// Layout of the stream.
-    #[arg(long)]
-    layout: Option<String>,
+    #[command(flatten)]
+    stream: StreamArgs,
     /// Write an HTML page with plots and maps.
     #[arg(long)]
     report: Option<PathBuf>,
@@ -36,36 +31,26 @@ pub struct Args {
 ///
 /// # Errors
 /// When the stream cannot be read, or the report not be written.
-pub fn run(args: &Args, json: bool) -> Result<()> {
-    let geometry = args.width.zip(args.height).map(|(w, h)| Geometry::new(w, h)).transpose()?;
-    let layout = args.layout.as_deref().map(Layout::parse).transpose()?;
-    let reader = Reader::open(&args.file, layout, geometry)?;
-    let mut accumulator = Accumulator::new(reader.geometry(), &Options::default())?;
-    let mut buffer = vec![0; 496 * reader.geometry().frame_bytes()];
-    let mut at = 0;
-    while at < reader.readouts() {
-        let now = 496.min(reader.readouts() - at);
-        let bytes = &mut buffer[..now * reader.geometry().frame_bytes()];
-        reader.read_frames(at, bytes)?;
-        accumulator.push(Packed::new(reader.geometry(), bytes)?)?;
-        reader.release(at..at + now);
-        at += now;
-    }
-    let statistics = accumulator.finish();
+pub fn run(args: &Args, out: &Out) -> Result<()> {
+    let reader = args.stream.open(&args.file)?;
+    let mut progress = Files::new(out);
+    let (name, all) = (reader.name().to_string(), reader.readouts().max(1) as f64);
+    let statistics =
+        of_stream(&reader, &Options::default(), &mut |done| progress.step(&name, done as f64 / all))?;
+    drop(progress);
     let summary = summarise(&statistics)?;
-    if json {
-        let text = serde_json::to_string_pretty(&summary)
-            .map_err(|e| Error::new(Kind::Config, "summary").found(e))?;
-        println!("{text}");
-    } else {
-        for (name, value) in rows(&summary) {
-            println!("{name:<52} {value}");
-        }
-    }
+    let wrong = |e: serde_json::Error| Error::new(Kind::Config, "summary").found(e);
+    let mut result = serde_json::to_value(&summary).map_err(wrong)?;
+    result["event"] = json!("done");
+    let all = list(&statistics)?;
+    result["statistics"] = serde_json::to_value(&all).map_err(wrong)?;
+    let rows = rows(&summary, &all);
+    let text: String = rows.iter().map(|(name, value)| format!("{name:<52} {value}\n")).collect();
+    out.result(&result, &text)?;
     let Some(path) = &args.report else { return Ok(()) };
     let mut table = Table::new(&["quantity", "value"]);
-    for (name, value) in rows(&summary) {
-        table.row([name.to_owned(), value]);
+    for (name, value) in rows {
+        table.row([name, value]);
     }
     let mut parts = vec![Part::Table(table)];
     let width = reader.geometry().width();
@@ -90,27 +75,16 @@ pub fn run(args: &Args, json: bool) -> Result<()> {
     spikelane::storage::write_small(path, page(&title, &parts)?.as_bytes(), args.force)
 }
 
-fn rows(s: &Summary) -> Vec<(&'static str, String)> {
-    let number = |e: Estimate| format!("{:.6} +- {:.1e}", e.value, e.error);
-    let mut rows = vec![
-        ("readouts", s.readouts.to_string()),
-        ("mean rate (spikes per readout)", number(s.mean_rate)),
-        ("signal: rate without defect pixels", number(s.signal)),
-        ("non-uniformity (DSNU of a dark, PRNU of a flat)", number(s.nonuniformity)),
-        ("local non-uniformity (5x5 high-pass, robust)", number(s.local_nonuniformity)),
-        ("row non-uniformity", number(s.row_nonuniformity)),
-        ("column non-uniformity", number(s.column_nonuniformity)),
-        ("temporal noise of a pixel's rate", format!("{:.2e}", s.temporal_of_rate)),
-        ("defect pixels: dead", s.defects.dead.len().to_string()),
-        ("defect pixels: stuck", s.defects.stuck.len().to_string()),
-        ("defect pixels: hot", s.defects.hot.len().to_string()),
-        ("defect pixels: weak", s.defects.weak.len().to_string()),
-    ];
-    if let Some(v) = s.interval_variance {
-        rows.push(("interval variance D(1) (readouts squared)", number(v)));
-    }
-    if let Some(noise) = s.phase_noise {
-        rows.push(("growth of spike time variance per spike", number(noise.per_spike)));
-    }
+fn rows(s: &Summary, all: &[Named]) -> Vec<(String, String)> {
+    let number = |e: Estimate| match e.value.is_finite() {
+        true => format!("{:.6} +- {:.1e}", e.value, e.error),
+        false => "not measurable here".to_owned(),
+    };
+    let mut rows = vec![("readouts".to_owned(), s.readouts.to_string())];
+    rows.extend(all.iter().map(|n| (n.words.clone(), number(n.estimate))));
+    rows.push(("temporal noise of a pixel's rate".to_owned(), format!("{:.2e}", s.temporal_of_rate)));
+    let d = &s.defects;
+    let defects = [("dead", &d.dead), ("stuck", &d.stuck), ("hot", &d.hot), ("weak", &d.weak)];
+    rows.extend(defects.map(|(kind, pixels)| (format!("defect pixels: {kind}"), pixels.len().to_string())));
     rows
 }

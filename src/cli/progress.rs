@@ -77,6 +77,40 @@ impl Drop for Progress {
     }
 }
 
+/// How far a list of files is: a bar on a terminal, events when asked for JSON.
+pub struct Files {
+    out: Out,
+    bar: ProgressBar,
+    said: Instant,
+}
+
+impl Files {
+    pub fn new(out: &Out) -> Self {
+        let style = ProgressStyle::with_template("{wide_bar} {percent} %, {eta} left, {msg}");
+        let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
+        Self { out: *out, bar: ProgressBar::new(1000).with_style(style), said: Instant::now() }
+    }
+
+    /// Now at `file`, with `share` of all work done, 0 to 1.
+    pub fn step(&mut self, file: &str, share: f64) {
+        if self.bar.message() != file {
+            self.bar.set_message(file.to_owned());
+        }
+        self.bar.set_position((share * 1000.0) as u64);
+        if self.said.elapsed() >= PERIOD {
+            self.said = Instant::now();
+            // A reader that went away is no reason to stop the work.
+            let _ = self.out.event(&json!({"event": "progress", "file": file, "share": share}));
+        }
+    }
+}
+
+impl Drop for Files {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
 fn interrupted() -> Error {
     Error::new(Kind::Interrupted, "stopped on request").remedy("unfinished files are removed")
 }

@@ -4,10 +4,16 @@ use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, ValueEnum};
 
+use serde_json::{Value, json};
 use spikelane::calibrate::{Protocol, predict};
 use spikelane::draws::Seeds;
+use spikelane::effects::Camera;
 use spikelane::error::Result;
 use spikelane::presets;
+
+use super::camera::Changes;
+use super::output::{Out, bytes_text};
+use super::progress::Files;
 
 /// Which recordings.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -23,6 +29,8 @@ enum Kind {
 pub struct Args {
     /// Preset or camera file.
     camera: String,
+    #[command(flatten)]
+    changes: Changes,
     /// Folder for the recordings and recordings.toml.
     #[arg(short, long, default_value = "recordings")]
     out: PathBuf,
@@ -50,29 +58,41 @@ pub struct Args {
 ///
 /// # Errors
 /// When the camera is unknown, or a file cannot be written.
-pub fn run(args: &Args) -> Result<()> {
-    let camera = presets::load(&args.camera)?;
+pub fn run(args: &Args, out: &Out) -> Result<()> {
+    let camera = args.changes.apply(presets::load(&args.camera)?)?;
     let protocol = match args.protocol {
         Kind::Recommended => Protocol::recommended(args.readouts),
         Kind::Grey => Protocol::grey_levels(args.readouts),
     };
-    println!("readouts a level   gain of a pixel   dark rate of a pixel");
-    for readouts in [1_000, 3_000, 10_000, 30_000, 100_000] {
-        if let Some(p) = predict(&protocol, &camera, readouts) {
-            println!("{readouts:>16}   {:>13.5} %   {:>18.4} %", 100.0 * p.gain, 100.0 * p.dark);
-        }
-    }
+    let (rows, mut text) = plan(&protocol, &camera);
+    let bytes = protocol.bytes(&camera);
+    text += &format!("{} recordings, {}\n", protocol.recordings.len(), bytes_text(bytes));
     if args.plan {
-        return Ok(());
+        return out.result(&json!({"event": "plan", "precision": rows, "bytes": bytes}), &text);
     }
-    println!("{} recordings, {:.2} GB", protocol.recordings.len(), protocol.bytes(&camera) as f64 / 1e9);
+    out.say(text.trim_end());
     let seeds = Seeds { camera: args.camera_seed, shot: args.shot_seed, sequence: 0 };
-    let bar = indicatif::ProgressBar::new(1000);
+    let mut progress = Files::new(out);
     let path = protocol.record(&camera, seeds, &args.out, args.force, &mut |name, share| {
-        bar.set_message(name.to_owned());
-        bar.set_position((share * 1000.0) as u64);
+        progress.step(name, share);
     })?;
-    bar.finish_and_clear();
-    println!("{}", path.display());
-    Ok(())
+    drop(progress);
+    let file = path.display().to_string();
+    let event = json!({"event": "done", "file": file, "precision": rows, "bytes": bytes});
+    out.result(&event, &format!("{file}\n"))
+}
+
+/// The precision of lengths from 1,000 to 100,000 readouts, and the one asked for.
+fn plan(protocol: &Protocol, camera: &Camera) -> (Vec<Value>, String) {
+    let mut lengths = vec![1_000, 3_000, 10_000, 30_000, 100_000, protocol.readouts];
+    lengths.sort_unstable();
+    lengths.dedup();
+    let mut text = "readouts a level   gain of a pixel   dark rate of a pixel\n".to_owned();
+    let mut rows = Vec::new();
+    for p in lengths.into_iter().filter_map(|n| predict(protocol, camera, n)) {
+        let (gain, dark) = (100.0 * p.gain, 100.0 * p.dark);
+        text += &format!("{:>16}   {gain:>13.5} %   {dark:>18.4} %\n", p.readouts);
+        rows.push(json!({"readouts": p.readouts, "gain": p.gain, "dark": p.dark}));
+    }
+    (rows, text)
 }

@@ -2,12 +2,11 @@
 
 use serde::Serialize;
 
-use crate::calibrate::{RecordingSet, statistics};
+use crate::calibrate::{Progress, RecordingSet};
 use crate::draws::Seeds;
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
-use crate::measure::{Accumulator, Options, Statistics};
-use crate::report::{Curve, Part, Table, bars, curves, page};
+use crate::measure::{Accumulator, Options, Statistics, of_stream};
 use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::Packed;
 
@@ -41,10 +40,24 @@ pub struct GreyComparison {
     pub histogram_lights: Vec<f64>,
     /// The measured camera.
     pub measured: CameraDistance,
-    /// The distances between the two halves of the measured recordings: what noise alone makes.
-    pub floor: (f64, Vec<f64>),
+    /// The camera that was simulated in place of a measured one, if the set says so.
+    pub simulated: Option<String>,
+    /// Between the two halves of the measured recordings: what temporal noise alone makes.
+    pub floor: Floor,
+    /// Between the nearest model and itself with another fixed pattern: what two cameras of one
+    /// kind differ by.
+    pub pattern_floor: Floor,
     /// The models, nearest response first.
     pub models: Vec<CameraDistance>,
+}
+
+/// Distances that are no difference of models.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Floor {
+    /// As [`CameraDistance::response_distance`].
+    pub response: f64,
+    /// As [`CameraDistance::histogram_distance`].
+    pub histograms: Vec<f64>,
 }
 
 /// One camera's pass over the levels.
@@ -63,6 +76,7 @@ pub fn grey_levels(
     cameras: &[Camera],
     seeds: Seeds,
     longest: usize,
+    progress: Progress<'_>,
 ) -> Result<GreyComparison> {
     let mut levels: Vec<_> = set.recordings.iter().filter_map(|r| Some((r.light.level()?, r))).collect();
     levels.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -73,35 +87,46 @@ pub fn grey_levels(
     }
     let lights: Vec<f64> = levels.iter().map(|l| l.0).collect();
     let chosen = nearest(&lights);
+    let parts = cameras.len() as f64 + 2.0;
     let mut own = Pass { response: Vec::new(), histograms: Vec::new() };
     let mut lengths = Vec::new();
-    let mut floor = (0.0, Vec::new());
+    let mut floor = Floor::default();
     for (k, (_, recording)) in levels.iter().enumerate() {
+        progress(&recording.file, k as f64 / lights.len() as f64 / parts);
         let reader = set.reader(recording)?;
         lengths.push(reader.readouts().min(longest));
-        let found = statistics(&reader, &options(chosen.contains(&k), reader.readouts()), &mut |_| {})?;
-        floor.0 += halves(&found).powi(2) / lights.len() as f64;
+        let found = of_stream(&reader, &options(chosen.contains(&k), reader.readouts()), &mut |_| {})?;
+        floor.response += halves(&found).powi(2) / lights.len() as f64;
         own.add(&found);
     }
-    floor.0 = floor.0.sqrt();
+    floor.response = floor.response.sqrt();
     for k in &chosen {
-        floor.1.push(half_histograms(set, levels[*k].1)?);
+        floor.histograms.push(half_histograms(set, levels[*k].1)?);
     }
-    let distance = |name: &str, pass: Pass, own: &Pass| distance(name, pass, own);
     let mut models = Vec::new();
-    for camera in cameras {
+    for (i, camera) in cameras.iter().enumerate() {
+        progress(&camera.name, (i as f64 + 1.0) / parts);
         let pass = simulate(set, camera, &lights, &lengths, &chosen, seeds)?;
-        models.push(distance(&camera.name, pass, &own));
+        models.push((camera, distance(&camera.name, pass, &own)));
     }
-    models.sort_by(|a, b| a.response_distance.total_cmp(&b.response_distance));
+    models.sort_by(|a, b| a.1.response_distance.total_cmp(&b.1.response_distance));
+    let mut pattern_floor = Floor::default();
+    if let Some((camera, first)) = models.first() {
+        let other = Seeds { camera: !seeds.camera, shot: !seeds.shot, ..seeds };
+        let again = simulate(set, camera, &lights, &lengths, &chosen, other)?;
+        let first = Pass { response: first.response.clone(), histograms: first.histograms.clone() };
+        let apart = distance("", again, &first);
+        pattern_floor = Floor { response: apart.response_distance, histograms: apart.histogram_distance };
+    }
     let same = Pass { response: own.response.clone(), histograms: own.histograms.clone() };
-    let measured = distance("measured", same, &own);
     Ok(GreyComparison {
         histogram_lights: chosen.iter().map(|k| lights[*k]).collect(),
         lights,
-        measured,
+        simulated: set.simulated.clone(),
+        measured: distance("measured", same, &own),
         floor,
-        models,
+        pattern_floor,
+        models: models.into_iter().map(|m| m.1).collect(),
     })
 }
 
@@ -225,50 +250,4 @@ fn simulate(
         pass.add(&accumulator.finish());
     }
     Ok(pass)
-}
-
-impl GreyComparison {
-    /// The page of this comparison, with the response curves and the histograms.
-    ///
-    /// # Errors
-    /// When a plot cannot be made.
-    pub fn page(&self) -> Result<String> {
-        let all = || std::iter::once(&self.measured).chain(&self.models);
-        let response =
-            |c: &CameraDistance| self.lights.iter().map(|l| l * 255.0).zip(c.response.clone()).collect();
-        let lines: Vec<Curve<'_>> = all().map(|c| Curve { name: &c.name, points: response(c) }).collect();
-        let mut table =
-            Table::new(&["camera", "response (rms, spikes per readout)", "histograms (total variation)"]);
-        let cells = |d: &[f64]| d.iter().map(|x| format!("{x:.4}")).collect::<Vec<_>>().join(", ");
-        for c in &self.models {
-            table.row([c.name.clone(), format!("{:.5}", c.response_distance), cells(&c.histogram_distance)]);
-        }
-        table.row([
-            "noise floor (two halves of the measured set)".to_owned(),
-            format!("{:.6}", self.floor.0),
-            cells(&self.floor.1),
-        ]);
-        let mut parts = vec![
-            Part::Table(table),
-            Part::figure(
-                curves("Mean spikes per readout", "grey level", "spikes per readout", &lines)?,
-                "Response over grey level.",
-            ),
-        ];
-        for (i, light) in self.histogram_lights.iter().enumerate() {
-            let longest =
-                all().filter_map(|c| c.histograms.get(i)?.iter().rposition(|s| *s > 1e-3)).max().unwrap_or(1);
-            let points = |c: &CameraDistance| -> Vec<(f64, f64)> {
-                let shares = c.histograms.get(i).into_iter().flatten().take(longest + 2);
-                shares.enumerate().map(|(n, s)| (n as f64, *s)).collect()
-            };
-            let lines: Vec<Curve<'_>> = all().map(|c| Curve { name: &c.name, points: points(c) }).collect();
-            let title = format!("Intervals at grey {:.0}", light * 255.0);
-            parts.push(Part::figure(
-                bars(&title, "interval in readouts", &lines)?,
-                "Share of intervals by length.",
-            ));
-        }
-        page("Comparison with a measured camera", &parts)
-    }
 }

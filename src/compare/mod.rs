@@ -5,9 +5,11 @@
 //! static scene.
 
 mod grey;
+mod grey_page;
 mod scene;
+mod scene_page;
 
-pub use grey::{CameraDistance, GreyComparison, grey_levels};
+pub use grey::{CameraDistance, Floor, GreyComparison, grey_levels};
 pub use scene::{SceneComparison, SceneRow, static_scene};
 
 /// The models that the paper compares, and this crate's own.

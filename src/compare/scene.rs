@@ -2,17 +2,24 @@
 
 use serde::Serialize;
 
-use crate::calibrate::statistics;
 use crate::draws::Seeds;
 use crate::effects::{Camera, Maps};
 use crate::error::{Error, Kind, Result};
 use crate::formats::Reader;
-use crate::measure::{Accumulator, Estimate, Options, Statistics, select_smooth};
-use crate::report::{Part, Table, page};
+use crate::measure::{Accumulator, Estimate, Options, Statistics, box_means, of_stream, select_smooth};
 use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::Packed;
 
-const LAGS: [u32; 5] = [1, 8, 16, 24, 32];
+pub(super) const LAGS: [u32; 5] = [1, 8, 16, 24, 32];
+
+/// Readouts simulated at a time.
+const BATCH: usize = 496;
+
+/// Readouts simulated before the ones that are measured.
+const LEAD: usize = 200;
+
+/// Half side of the surroundings that decide whether a pixel lies in a static area.
+const RADIUS: usize = 5;
 
 /// Temporal statistics of one camera on the static areas.
 #[derive(Clone, Debug, Serialize)]
@@ -23,7 +30,9 @@ pub struct SceneRow {
     pub lag_variance: Vec<Estimate>,
     /// Share of intervals off the pixel's lattice.
     pub outliers: Estimate,
-    /// Sum of `|ln(model / measured)|` over `D(1)`, `D(8)` and the outliers (infinite for a model without any).
+    /// `|ln(model / measured)|` of `D(1)`, `D(8)` and the outliers (infinite for a model without any).
+    pub terms: [f64; 3],
+    /// Their sum, by which models are ranked.
     pub distance: f64,
     /// The same over `D(16)`, `D(24)` and `D(32)`.
     pub slow_distance: f64,
@@ -42,6 +51,12 @@ pub struct SceneComparison {
     pub floor: f64,
     /// Models by rising distance.
     pub models: Vec<SceneRow>,
+    /// Rate of every pixel that was compared, NaN elsewhere, row-major.
+    #[serde(skip)]
+    pub map: Vec<f64>,
+    /// Width of the map.
+    #[serde(skip)]
+    pub width: usize,
 }
 
 /// Compares temporal noise: finds even, static areas, gives every model the light that reproduces each
@@ -58,7 +73,7 @@ pub fn static_scene(recording: &Reader, cameras: &[Camera], seeds: Seeds) -> Res
         frames: false,
         ..Options::default()
     };
-    let measured = statistics(recording, &options, &mut |_| {})?;
+    let measured = of_stream(recording, &options, &mut |_| {})?;
     let pixels = static_pixels(&measured);
     if readouts < 100 || pixels.len() < 500 {
         return Err(Error::new(Kind::Input, recording.name())
@@ -73,27 +88,40 @@ pub fn static_scene(recording: &Reader, cameras: &[Camera], seeds: Seeds) -> Res
     for camera in cameras {
         let simulated = simulate(camera, &rates, readouts, recording, &options, seeds)?;
         let mut model = row(&camera.name, &simulated, &pixels);
-        model.distance = distance(&model, &own, &[0, 1], true);
-        model.slow_distance = distance(&model, &own, &[2, 3, 4], false);
+        let log = |m: Estimate, r: Estimate| (m.value / r.value).ln().abs();
+        let lag = |i: usize| log(model.lag_variance[i], own.lag_variance[i]);
+        model.terms = [lag(0), lag(1), log(model.outliers, own.outliers)];
+        model.distance = model.terms.iter().sum();
+        model.slow_distance = lag(2) + lag(3) + lag(4);
         models.push(model);
     }
     models.sort_by(|a, b| a.distance.total_cmp(&b.distance));
     let relative = |e: &Estimate| if e.value > 0.0 { e.error / e.value } else { 0.0 };
     let floor = relative(&own.lag_variance[0]) + relative(&own.lag_variance[1]) + relative(&own.outliers);
-    Ok(SceneComparison { pixels: pixels.len(), mean_rate, measured: own, floor, models })
+    let mut map = vec![f64::NAN; rates.len()];
+    pixels.iter().for_each(|p| map[*p] = rates[*p]);
+    let width = recording.geometry().width();
+    Ok(SceneComparison { pixels: pixels.len(), mean_rate, measured: own, floor, models, map, width })
 }
 
-/// Even surroundings (11x11 pixels within 6 %), rates that tell intervals, and equal halves.
+/// Pixels whose surroundings of 11x11 pixels are even (within 6 %), tell intervals, and stay as
+/// bright in the second half as in the first. A pixel's own noise decides nothing: a selection by
+/// it would cut the tails that are compared.
 fn static_pixels(statistics: &Statistics) -> Vec<usize> {
     let (Some(counts), Some(early)) = (&statistics.counts, &statistics.early_count) else {
         return Vec::new();
     };
-    let rates = counts.rate_by_time();
-    let even = select_smooth(&rates, statistics.geometry.width(), &(0.05..0.45), 5, 0.06);
-    let steady = |p: &usize| {
-        let late = counts.count[*p] - early[*p];
-        early[*p].abs_diff(late) <= 2
-    };
+    let width = statistics.geometry.width();
+    let even = select_smooth(&counts.rate_by_time(), width, &(0.05..0.45), RADIUS, 0.06);
+    let split = f64::from(statistics.readouts / 2);
+    let rest = f64::from(statistics.readouts) - split;
+    let late: Vec<f64> =
+        counts.count.iter().zip(early).map(|(n, e)| f64::from(n - e) * split / rest).collect();
+    let early: Vec<f64> = early.iter().map(|e| f64::from(*e)).collect();
+    let (early, late) = (box_means(&early, width, RADIUS), box_means(&late, width, RADIUS));
+    // The halves of a static pixel differ by 0.6 spikes (two phases), the mean of 121 by 0.05: five
+    // of these, and 0.2 % for a lamp.
+    let steady = |p: &usize| (early[*p] - late[*p]).abs() <= 0.27 + 0.002 * early[*p];
     even.into_iter().filter(steady).collect()
 }
 
@@ -105,15 +133,10 @@ fn row(name: &str, statistics: &Statistics, pixels: &[usize]) -> SceneRow {
         name: name.to_owned(),
         lag_variance: LAGS.iter().map(of).collect(),
         outliers: intervals.map_or(nothing, |i| i.off_lattice(Some(pixels))),
+        terms: [0.0; 3],
         distance: 0.0,
         slow_distance: 0.0,
     }
-}
-
-fn distance(model: &SceneRow, measured: &SceneRow, lags: &[usize], outliers: bool) -> f64 {
-    let log = |m: Estimate, r: Estimate| (m.value / r.value).ln().abs();
-    let sum: f64 = lags.iter().map(|i| log(model.lag_variance[*i], measured.lag_variance[*i])).sum();
-    sum + if outliers { log(model.outliers, measured.outliers) } else { 0.0 }
 }
 
 /// The model's temporal noise at the measured rates.
@@ -142,51 +165,16 @@ fn simulate(
     let samples: Vec<f32> = samples.into_iter().map(|s| if s.is_finite() { s } else { 0.0 }).collect();
     let mut simulator = Simulator::new(&flat, seeds)?;
     // Models that start with all pixels in step need time to lose it, as the real camera had.
-    let lead = 200;
-    let mut bits = vec![0; lead * geometry.frame_bytes()];
-    simulator.push(FrameRef::f32(&samples, geometry), &mut bits)?;
-    bits.resize(readouts * geometry.frame_bytes(), 0);
-    simulator.push(FrameRef::f32(&samples, geometry), &mut bits)?;
+    let mut bits = vec![0; BATCH * geometry.frame_bytes()];
+    simulator.push(FrameRef::f32(&samples, geometry), &mut bits[..LEAD * geometry.frame_bytes()])?;
     let mut accumulator = Accumulator::new(geometry, options)?;
-    accumulator.push(Packed::new(geometry, &bits)?)?;
-    Ok(accumulator.finish())
-}
-
-impl SceneComparison {
-    /// The page of this comparison.
-    ///
-    /// # Errors
-    /// Never, in practice.
-    pub fn page(&self) -> Result<String> {
-        let mut table = Table::new(&[
-            "camera",
-            "D(1)",
-            "D(8)",
-            "D(16)",
-            "D(24)",
-            "D(32)",
-            "outliers",
-            "distance",
-            "beyond lag 8",
-        ]);
-        for row in std::iter::once(&self.measured).chain(&self.models) {
-            let mut cells = vec![row.name.clone()];
-            cells.extend(row.lag_variance.iter().map(|e| format!("{:.4}", e.value)));
-            cells.push(format!("{:.2e}", row.outliers.value));
-            cells.push(format!("{:.3}", row.distance));
-            cells.push(format!("{:.3}", row.slow_distance));
-            table.row(cells);
-        }
-        let parts = [
-            Part::text(format!(
-                "{} pixels in even, static areas, mean rate {:.4}. Distance: sum of |ln(model/measured)| over D(1), D(8) and the share of outliers; the recording's own errors make {:.3}.",
-                self.pixels, self.mean_rate, self.floor
-            )),
-            Part::Table(table),
-            Part::text(
-                "Beyond lag 16 slow noise shows, which none of these models has; a model that is near there may be so because its fast noise is too large.",
-            ),
-        ];
-        page("Comparison with a static recording", &parts)
+    let mut left = readouts;
+    while left > 0 {
+        let now = left.min(BATCH);
+        let out = &mut bits[..now * geometry.frame_bytes()];
+        simulator.push(FrameRef::f32(&samples, geometry), out)?;
+        accumulator.push(Packed::new(geometry, out)?)?;
+        left -= now;
     }
+    Ok(accumulator.finish())
 }

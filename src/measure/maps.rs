@@ -70,6 +70,16 @@ pub fn select_smooth(
     (0..map.len()).filter(|p| even(p)).collect()
 }
 
+/// The mean of the box of `radius` around each pixel; NaN where nothing is finite.
+#[must_use]
+pub fn box_means(map: &[f64], width: usize, radius: usize) -> Vec<f64> {
+    let mean = |p: usize| {
+        let (sum, n) = neighbourhood(map, width, p, radius).fold((0.0, 0.0), |(s, n), x| (s + x, n + 1.0));
+        sum / n
+    };
+    (0..map.len()).map(mean).collect()
+}
+
 /// Means of the rows and columns of a map, and how much they vary.
 #[derive(Clone, Debug)]
 pub struct LineStructure {

@@ -26,9 +26,12 @@ mod frames;
 mod halves;
 mod intervals;
 mod join;
+mod list;
 mod maps;
 #[cfg(feature = "files")]
 mod spectrum;
+#[cfg(all(feature = "files", feature = "threads"))]
+mod stream;
 mod summary;
 mod vertical;
 
@@ -42,11 +45,15 @@ pub use counts::{Counts, NEVER, Pair};
 pub use estimate::{Estimate, bootstrap, finite, median, median_and_spread, tiled_mean, trimmed_mean};
 pub use frames::{Extreme, Frames};
 pub use intervals::{Deviation, Halves, Intervals, LONGEST_LAG, Lengths, PhaseNoise, PixelIntervals};
+pub use list::{Named, list};
 pub use maps::{
-    Correlations, LineStructure, high_pass, line_structure, map_correlations, select_rate, select_smooth,
+    Correlations, LineStructure, box_means, high_pass, line_structure, map_correlations, select_rate,
+    select_smooth,
 };
 #[cfg(feature = "files")]
 pub use spectrum::{Line, Spectrum, spectrum};
+#[cfg(all(feature = "files", feature = "threads"))]
+pub use stream::of_stream;
 pub use summary::{Defects, Summary, borders, dsnu_prnu, summarise};
 
 /// Most readouts of a stream: sums of squares stay within 64 bits.

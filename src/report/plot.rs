@@ -40,52 +40,124 @@ fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
     }
 }
 
-/// Lines over common axes.
-///
-/// # Errors
-/// When the plot cannot be laid out.
-pub fn curves(title: &str, x: &str, y: &str, curves: &[Curve<'_>]) -> Result<String> {
+/// Width of the names beside a plot with several curves, in pixels.
+const NAMES: i32 = 170;
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+
+/// Splits off and fills the place for the names, so that none lies over a curve.
+fn name_curves<'a>(root: &Area<'a>, curves: &[Curve<'_>]) -> Result<Area<'a>> {
+    if curves.len() < 2 {
+        return Ok(root.clone());
+    }
+    let (plot, names) = root.split_horizontally(SIZE.0 as i32 - NAMES);
+    for (i, curve) in curves.iter().enumerate() {
+        let y = 50 + 22 * i as i32;
+        let line = PathElement::new(vec![(4, y), (26, y)], COLOURS[i % COLOURS.len()].stroke_width(3));
+        names.draw(&line).map_err(failed)?;
+        names.draw(&Text::new(curve.name.to_owned(), (32, y - 7), ("sans-serif", 14))).map_err(failed)?;
+    }
+    Ok(plot)
+}
+
+/// Axes, then whatever `draw` adds to them.
+fn chart(
+    title: &str,
+    (x, y): (&str, &str),
+    curves: &[Curve<'_>],
+    ranges: [std::ops::Range<f64>; 2],
+    draw: impl FnOnce(&mut Chart<'_, '_>) -> Result<()>,
+) -> Result<String> {
     let mut svg = String::new();
     {
         let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
-        let all = || curves.iter().flat_map(|c| c.points.iter());
-        let mut chart = ChartBuilder::on(&root)
+        let plot = name_curves(&root, curves)?;
+        let [across, up] = ranges;
+        let mut chart = ChartBuilder::on(&plot)
             .caption(title, ("sans-serif", 18))
             .margin(10)
             .x_label_area_size(40)
             .y_label_area_size(64)
-            .build_cartesian_2d(range(all().map(|p| p.0)), range(all().map(|p| p.1)))
+            .build_cartesian_2d(across, up)
             .map_err(failed)?;
-        chart.configure_mesh().x_desc(x).y_desc(y).light_line_style(WHITE).draw().map_err(failed)?;
-        for (i, curve) in curves.iter().enumerate() {
-            let colour = COLOURS[i % COLOURS.len()];
-            let points = curve.points.iter().copied().filter(|p| p.1.is_finite());
-            let drawn = chart.draw_series(LineSeries::new(points, colour.stroke_width(2))).map_err(failed)?;
-            drawn
-                .label(curve.name)
-                .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], colour.stroke_width(2)));
-        }
-        let place = SeriesLabelPosition::UpperLeft;
-        let labels = &mut chart.configure_series_labels();
-        labels.position(place).border_style(BLACK).background_style(WHITE.mix(0.8)).draw().map_err(failed)?;
+        let mut mesh = chart.configure_mesh();
+        mesh.x_desc(x).y_desc(y).light_line_style(WHITE).label_style(("sans-serif", 13));
+        mesh.draw().map_err(failed)?;
+        draw(&mut chart)?;
         root.present().map_err(failed)?;
     }
     Ok(svg)
 }
 
-/// Histograms over common axes as stepped lines: `(value, share)` of each bin, all of one width.
+type Chart<'a, 'b> = ChartContext<
+    'a,
+    SVGBackend<'b>,
+    Cartesian2d<plotters::coord::types::RangedCoordf64, plotters::coord::types::RangedCoordf64>,
+>;
+
+/// Lines over common axes, named at their right when there are several.
+///
+/// # Errors
+/// When the plot cannot be laid out.
+pub fn curves(title: &str, x: &str, y: &str, curves: &[Curve<'_>]) -> Result<String> {
+    let all = || curves.iter().flat_map(|c| c.points.iter());
+    let ranges = [range(all().map(|p| p.0)), range(all().map(|p| p.1))];
+    chart(title, (x, y), curves, ranges, |chart| {
+        for (i, curve) in curves.iter().enumerate() {
+            let colour = COLOURS[i % COLOURS.len()];
+            let points = curve.points.iter().copied().filter(|p| p.1.is_finite());
+            chart.draw_series(LineSeries::new(points, colour.stroke_width(2))).map_err(failed)?;
+        }
+        Ok(())
+    })
+}
+
+/// Most bins that are drawn as bars side by side; more of them as stepped lines.
+const SIDE_BY_SIDE: usize = 16;
+
+/// Histograms over common axes: `(value, share)` of each bin, all of one width. Few bins are bars side
+/// by side, many are stepped lines.
 ///
 /// # Errors
 /// When the plot cannot be laid out.
 pub fn bars(title: &str, x: &str, histograms: &[Curve<'_>]) -> Result<String> {
+    let width = |c: &Curve<'_>| {
+        let least = c.points.windows(2).map(|w| w[1].0 - w[0].0).fold(f64::INFINITY, f64::min);
+        if least.is_finite() { least } else { 1.0 }
+    };
+    if histograms.len() > 1 && histograms.iter().all(|c| c.points.len() <= SIDE_BY_SIDE) {
+        return side_by_side(title, x, histograms, width);
+    }
     let stepped = |c: &Curve<'_>| {
-        let width = c.points.windows(2).map(|w| w[1].0 - w[0].0).fold(f64::INFINITY, f64::min);
-        let half = if width.is_finite() { width / 2.0 } else { 0.5 };
+        let half = width(c) / 2.0;
         c.points.iter().flat_map(|(x, y)| [(x - half, *y), (x + half, *y)]).collect()
     };
     let steps: Vec<Curve<'_>> =
         histograms.iter().map(|c| Curve { name: c.name, points: stepped(c) }).collect();
     curves(title, x, "share", &steps)
+}
+
+fn side_by_side(
+    title: &str,
+    x: &str,
+    histograms: &[Curve<'_>],
+    width: impl Fn(&Curve<'_>) -> f64,
+) -> Result<String> {
+    let all = || histograms.iter().flat_map(|c| c.points.iter());
+    let step = histograms.iter().map(&width).fold(1.0, f64::max);
+    let across = range(all().flat_map(|p| [p.0 - step / 2.0, p.0 + step / 2.0]));
+    let up = range(all().map(|p| p.1).chain([0.0]));
+    chart(title, (x, "share"), histograms, [across, up], |chart| {
+        let bar = 0.84 * step / histograms.len() as f64;
+        for (i, c) in histograms.iter().enumerate() {
+            let left = |x: f64| x - 0.42 * step + bar * i as f64;
+            let colour = COLOURS[i % COLOURS.len()].filled();
+            let boxes =
+                c.points.iter().map(|(x, y)| Rectangle::new([(left(*x), 0.0), (left(*x) + bar, *y)], colour));
+            chart.draw_series(boxes).map_err(failed)?;
+        }
+        Ok(())
+    })
 }
 
 /// A map in grey, from the 1st (black) to the 99th percentile (white), as an image element.

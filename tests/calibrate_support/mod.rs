@@ -2,41 +2,28 @@
 //! its types for results.
 #![allow(dead_code, reason = "each test takes what it needs")]
 
+pub mod score;
+
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Dxsm;
+use rand_pcg::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
 use spikelane::calibrate::Level;
 
-/// A generator of its own: splitmix64 and the polar method.
-pub struct Random(u64, Option<f64>);
+/// A generator that the library does not use, and normal draws of another library.
+pub struct Random(Pcg64Dxsm);
 
 impl Random {
     pub fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x1234_5678_9ABC_DEF0, None)
-    }
-
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ z >> 31
+        Self(Pcg64Dxsm::seed_from_u64(seed))
     }
 
     pub fn uniform(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
+        (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
     pub fn normal(&mut self) -> f64 {
-        if let Some(z) = self.1.take() {
-            return z;
-        }
-        loop {
-            let (u, v) = (2.0 * self.uniform() - 1.0, 2.0 * self.uniform() - 1.0);
-            let s = u * u + v * v;
-            if s > 0.0 && s < 1.0 {
-                let scale = (-2.0 * s.ln() / s).sqrt();
-                self.1 = Some(v * scale);
-                return u * scale;
-            }
-        }
+        StandardNormal.sample(&mut self.0)
     }
 }
 

@@ -3,7 +3,8 @@
 //! 64 readouts of 64 pixels are transposed as a bit matrix, so that one word
 //! holds 64 readouts of one pixel. Its bytes index a table of spike positions;
 //! eight positions are always written, and the next write starts behind the
-//! valid ones. So there is no branch per spike, and no loop over silent bits.
+//! valid ones. So there is no branch per spike, and no loop over silent bits. Words of few
+//! spikes are taken bit by bit, four at a time.
 
 use super::super::block::{Block, CAPACITY};
 
@@ -105,14 +106,37 @@ fn stage<const D: usize>(words: &mut [u64; 64], mask: u64) {
     }
 }
 
+/// Up to this many spikes in a word, its bits are taken one by one.
+const FEW: usize = 8;
+
+/// Writes the times of the set bits of a word, at most eight. Four are always written, as in the
+/// bytes' table: most words of a dim pixel have that many or fewer, so the branch is foreseen.
+#[inline(always)]
+fn sparse(bits: u64, base: i16, spikes: usize, out: &mut [i16]) {
+    let mut rest = bits;
+    let mut next = || {
+        let time = base + rest.trailing_zeros() as i16;
+        rest &= rest.wrapping_sub(1);
+        time
+    };
+    let (low, high) = out.split_at_mut(4);
+    low.fill_with(&mut next);
+    if spikes > 4 {
+        high.fill_with(next);
+    }
+}
+
 /// Writes the times of a pixel's spikes, plus `offset`, from `times[at]` on and
 /// returns where they end. Up to [`SLACK`] entries behind the end are clobbered.
 pub(super) fn times(words: &[u64; HISTORY_WORDS], offset: i16, times: &mut [i16], mut at: usize) -> usize {
     for (word, bits) in words.iter().enumerate() {
-        if *bits == 0 {
+        let base = offset + 64 * word as i16;
+        let spikes = bits.count_ones() as usize;
+        if spikes <= FEW {
+            sparse(*bits, base, spikes, &mut times[at..at + 8]);
+            at += spikes;
             continue;
         }
-        let base = offset + 64 * word as i16;
         for (i, byte) in bits.to_le_bytes().into_iter().enumerate() {
             let from = base + 8 * i as i16;
             let out = &mut times[at..at + 8];

@@ -56,27 +56,31 @@ pub(super) fn differences(times: &[i16], end: usize, intervals: &mut [i16]) {
     intervals[end..end + 8].fill(0);
 }
 
-/// Adds the differences over `lag` spikes that end at `times[from..end]`.
+/// Lags of one pass over a pixel's times: their sums stay in registers, and short loops, whose
+/// ends are foreseen badly, are few.
+pub(super) const TOGETHER: usize = 3;
+
+/// Sums of the squares of the differences over each of `lags` spikes that end at `times[from..end]`.
 #[inline(always)]
-pub(super) fn add_lag(times: &[i16], from: usize, end: usize, lag: usize, sums: &mut [u64; 2]) {
-    let one = i16x8::splat(1);
-    let mut sum = i32x4::splat(0);
-    let mut squares = i32x4::splat(0);
-    let mut add = |d: i16x8| {
-        sum += d.dot(one);
-        squares += d.dot(d);
-    };
+pub(super) fn squares(times: &[i16], from: usize, end: usize, lags: [usize; TOGETHER]) -> [u64; TOGETHER] {
+    let mut sums = [i32x4::splat(0); TOGETHER];
     let n = (end - from).next_multiple_of(8);
-    let (after, last_after) = times[from..from + n].split_at(n - 8);
-    let (before, last_before) = times[from - lag..from - lag + n].split_at(n - 8);
-    for (a, b) in after.chunks_exact(8).zip(before.chunks_exact(8)) {
-        add(load(a, 0) - load(b, 0));
+    let after = &times[from..from + n];
+    let before = lags.map(|lag| &times[from - lag..from - lag + n]);
+    let last = n - 8;
+    let mut add = |at: usize, mask: i16x8| {
+        let time = load(after, at);
+        for (sum, before) in sums.iter_mut().zip(before) {
+            let d = (time - load(before, at)) & mask;
+            *sum += d.dot(d);
+        }
+    };
+    for at in (0..last).step_by(8) {
+        add(at, i16x8::splat(-1));
     }
     // What follows the last spike is no time.
-    let mask = i16x8::new(MASKS[end - from - (n - 8)]);
-    add((load(last_after, 0) - load(last_before, 0)) & mask);
-    sums[0] += sum.reduce_add() as u64;
-    sums[1] += squares.reduce_add() as u64;
+    add(last, i16x8::new(MASKS[end - from - last]));
+    sums.map(|sum| sum.reduce_add() as u64)
 }
 
 /// What the new intervals of a pixel are, for the histogram.

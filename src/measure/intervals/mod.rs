@@ -177,18 +177,23 @@ impl State {
         fast::differences(times, end, intervals);
         let lags = &self.result.lags;
         let sums = &mut self.result.sums[p * lags.len()..(p + 1) * lags.len()];
-        for (lag, sum) in lags.iter().zip(sums) {
-            fast::add_lag(times, depth, end, *lag as usize, sum);
+        for (lags, sums) in lags.chunks(fast::TOGETHER).zip(sums.chunks_mut(fast::TOGETHER)) {
+            // Places behind the last lag do it again, for nobody.
+            let all = std::array::from_fn(|i| lags[i.min(lags.len() - 1)] as usize);
+            let squares = fast::squares(times, depth, end, all);
+            sums.iter_mut().zip(squares).for_each(|(sum, more)| sum[1] += more);
         }
         let pixel = &mut self.result.pixels[p];
         let found = fast::add_intervals(intervals, depth, end, pixel);
         pixel.spikes += (end - depth) as u32;
         self.tally.add_found(&found, pixel.centre(), &intervals[depth..end]);
         let reference = i64::from(pixel.reference);
-        for (time, interval) in times[depth..end].iter().zip(&intervals[depth..end]) {
-            // The start of the block lies at `shift`.
-            readouts.deviation[(time - shift) as u16 as usize % SLOTS] +=
-                REFERENCE as i64 * i64::from(*interval) - reference;
+        if self.result.deviations.len() < self.series {
+            for (time, interval) in times[depth..end].iter().zip(&intervals[depth..end]) {
+                // The start of the block lies at `shift`.
+                readouts.deviation[(time - shift) as u16 as usize % SLOTS] +=
+                    REFERENCE as i64 * i64::from(*interval) - reference;
+            }
         }
         for (old, time) in history.iter_mut().zip(&times[end - depth..end]) {
             *old = origin + *time as u32;
@@ -244,7 +249,21 @@ impl State {
         });
     }
 
+    /// The sum of `t_(k+n) - t_k` over all `k` telescopes to the last `n` times less the first `n`, of
+    /// which the sum was kept.
+    fn finish_sums(&mut self) {
+        let lags = &self.result.lags;
+        let pixels = self.result.pixels.iter().zip(self.history.chunks_exact(self.depth));
+        for ((pixel, history), sums) in pixels.zip(self.result.sums.chunks_exact_mut(lags.len())) {
+            for (lag, sum) in lags.iter().zip(sums) {
+                let last = history[self.depth - *lag as usize..].iter().map(|t| u64::from(*t));
+                sum[0] = if pixel.spikes > *lag { last.sum::<u64>() - sum[0] } else { 0 };
+            }
+        }
+    }
+
     pub(super) fn finish(mut self) -> Intervals {
+        self.finish_sums();
         let latest = |(pixel, history): (&Pixel, &[u32])| {
             let mut latest = [NEVER; 3];
             let kept = (pixel.spikes as usize).min(3);

@@ -75,7 +75,7 @@ impl Pixel {
         self.add_above(1, above);
     }
 
-    /// Adds the spikes from `times[known]` on, one by one; the entries before
+    /// Adds the spikes from `times[known]` on, one by one, with `sums` the first times and the squares of each lag; the entries before
     /// are the spikes just before them (all of them, if the pixel has fired
     /// fewer times than the history holds).
     pub(super) fn add_each(
@@ -88,10 +88,10 @@ impl Pixel {
     ) {
         for i in known..times.len() {
             for (lag, sum) in lags.iter().zip(sums.iter_mut()) {
-                if let Some(before) = i.checked_sub(*lag as usize) {
-                    let d = u64::from(times[i] - times[before]);
-                    sum[0] += d;
-                    sum[1] += d * d;
+                match i.checked_sub(*lag as usize) {
+                    Some(before) => sum[1] += u64::from(times[i] - times[before]).pow(2),
+                    // One of the first spikes: see `State::finish_sums`.
+                    None => sum[0] += u64::from(times[i]),
                 }
             }
             if i > 0 {

@@ -1,0 +1,119 @@
+//! Threshold noise and quanta, from how the variance of spike times grows.
+
+use rayon::prelude::*;
+
+use super::estimate::Fitter;
+use super::observe::Level;
+use super::result::Redrawn;
+use crate::measure::Estimate;
+use crate::sensor::Sensor;
+
+impl Fitter<'_> {
+    /// Threshold noise and quanta from interval variance: dark levels have no light's
+    /// quanta, dim ones have both.
+    pub(super) fn measure_noise(&mut self) {
+        let (mut dark, mut lit) = (None, Vec::new());
+        for level in &self.observed.levels {
+            let Some(mean) = self.level_noise(level) else { continue };
+            if level.light == 0.0 { dark = Some(mean) } else { lit.push((level.median_rate(), mean)) }
+        }
+        let dark_rate =
+            self.observed.levels.first().filter(|l| l.light == 0.0).map_or(0.0, Level::median_rate);
+        // Weighted mean over the dim levels of (s - s_T) / share of light.
+        let excess = |square: f64| {
+            let terms = lit.iter().map(|(f, (s, threshold))| {
+                let share = 1.0 - dark_rate / f;
+                ((s.value - square * threshold) / share, s.error / share)
+            });
+            let (sum, weight) = terms.fold((0.0, 0.0), |(a, w), (v, e)| (a + v / (e * e), w + 1.0 / (e * e)));
+            Estimate { value: sum / weight, error: weight.sqrt().recip(), samples: lit.len() }
+        };
+        let nominal = Sensor::electrons(self.sensor.capacitance_ff * self.sensor.swing_v);
+        match dark {
+            Some((s, threshold)) if s.value > 0.0 => {
+                let square = s.value / threshold;
+                let quanta = excess(square);
+                let same = quanta.value < 3.0 * quanta.error.hypot(s.error);
+                if self.noise.redrawn == Redrawn::EveryReset && same && !lit.is_empty() {
+                    self.noise.dark = 1.0 / nominal;
+                    self.noise.light = 1.0 / nominal;
+                    self.set_noise((square - 1.0 / nominal).max(0.0), s.error / threshold);
+                    self.electrons = Estimate { value: nominal, error: f64::NAN, samples: 0 };
+                } else {
+                    self.noise.dark = 0.0;
+                    self.set_noise(square, s.error / threshold);
+                    self.set_quanta(quanta, s.error / threshold, nominal);
+                }
+            }
+            _ => self.assume_noise(&lit, nominal),
+        }
+    }
+
+    fn set_noise(&mut self, square: f64, error: f64) {
+        self.noise.square = square;
+        let value = square.sqrt();
+        let error = if value > 0.0 { error / (2.0 * value) } else { error.sqrt() };
+        self.sigma_t = Estimate { value, error, samples: self.fits.len() };
+    }
+
+    fn set_quanta(&mut self, quanta: Estimate, dark_error: f64, nominal: f64) {
+        let error = quanta.error.hypot(dark_error);
+        if quanta.value > 3.0 * error {
+            self.noise.light = quanta.value;
+            let value = 1.0 / quanta.value;
+            self.electrons = Estimate { value, error: value * value * error, samples: quanta.samples };
+        } else {
+            self.noise.light = 1.0 / nominal;
+            self.electrons = Estimate { value: nominal, error: f64::NAN, samples: 0 };
+        }
+    }
+
+    /// Without the variance of dark intervals: the quanta of the nominal circuit, and what remains.
+    fn assume_noise(&mut self, lit: &[(f64, (Estimate, f64))], nominal: f64) {
+        self.electrons = Estimate { value: nominal, error: f64::NAN, samples: 0 };
+        self.noise.light = 1.0 / nominal;
+        match lit.first() {
+            Some((_, (s, threshold))) => {
+                self.set_noise(((s.value - 1.0 / nominal) / threshold).max(0.0), s.error / threshold);
+            }
+            None => {
+                // kTC noise at room temperature.
+                let square = crate::units::BOLTZMANN_J_PER_K * 293.0 / (self.sensor.capacitance_ff * 1e-15);
+                self.noise.square = square / self.sensor.swing_v.powi(2);
+                self.sigma_t = Estimate { value: self.noise.square.sqrt(), error: f64::NAN, samples: 0 };
+            }
+        }
+    }
+
+    /// Mean phase variance per spike, and what one unit of `sigma^2` of a nominal pixel gives in its place.
+    fn level_noise(&self, level: &Level) -> Option<(Estimate, f64)> {
+        let map = &level.noise.as_ref()?.map;
+        let weight = |p: usize| f64::from(level.spikes[p]);
+        let good: Vec<usize> =
+            (0..map.len()).filter(|p| map[*p].is_finite() && level.rate[*p] < 0.2).collect();
+        let total: f64 = good.iter().map(|p| weight(*p)).sum();
+        if good.len() < 16 || total <= 0.0 {
+            return None;
+        }
+        let mean = good.iter().map(|p| weight(*p) * map[*p]).sum::<f64>() / total;
+        let squares = good.iter().map(|p| (weight(*p) * (map[*p] - mean)).powi(2)).sum::<f64>();
+        // Half of the mean is noise, before anything is known.
+        let start = if self.noise.square > 0.0 { self.noise.square } else { 0.5 * mean.max(1e-12) };
+        let mut square = start;
+        let mut unit = 1.0;
+        // More rounds where the level is dark, and its noise is the threshold's alone.
+        for _ in 0..if level.light == 0.0 { 8 } else { 1 } {
+            let of_pixel = |p: &usize| {
+                let phi = self.threshold[*p];
+                // The mean of 1/phi^2 under the pixel's posterior.
+                let inverse = (1.0 + 3.0 * (phi[1] / phi[0]).powi(2)) / (phi[0] * phi[0]);
+                weight(*p) * inverse * self.share(level.rate[*p], square.sqrt() / phi[0])
+            };
+            unit = good.par_iter().map(of_pixel).sum::<f64>() / total;
+            if level.light == 0.0 {
+                square = (mean / unit).max(1e-16);
+            }
+        }
+        Some((Estimate { value: mean, error: squares.sqrt() / total, samples: good.len() }, unit))
+    }
+}
