@@ -121,11 +121,7 @@ impl Source for Tap<'_> {
 
 /// An 8-bit sRGB picture of linear light.
 pub(super) fn picture(light: &[f32], geometry: Geometry) -> Result<Vec<u8>> {
-    let code = |&x: &f32| {
-        let x = x.clamp(0.0, 1.0);
-        let s = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * libm::powf(x, 1.0 / 2.4) - 0.055 };
-        (s * 255.0 + 0.5) as u8
-    };
+    let code = |&x: &f32| (light::srgb_code(x) * 255.0 + 0.5) as u8;
     let codes: Vec<u8> = light.iter().map(code).collect();
     let mut out = Cursor::new(Vec::new());
     image::codecs::png::PngEncoder::new(&mut out)
@@ -168,10 +164,15 @@ fn drive(
     let outcome = streams(options, seeds, timeline, &mut tap, folder, "linear", &mut *watch)?;
     let mut labelled = Vec::new();
     if drives.label_every > 0 {
-        let every = drives.label_every as usize * drives.readouts_per_image as usize;
+        let wanted = labels::Wanted {
+            every: drives.label_every as usize * drives.readouts_per_image as usize,
+            kitti: drives.kitti,
+            exr: drives.exr.then_some(drives.samples),
+            threads: options.threads,
+        };
         let at = folder.join("labels");
         let mut still = || watch(readouts, Some(readouts));
-        labelled = labels::write_all(drive.scene(), drive.plan(), every, &at, options.threads, &mut still)?;
+        labelled = labels::write_all(drive.scene(), drive.plan(), &wanted, &at, &mut still)?;
     }
     let plan = drive.plan();
     let about = json!({
@@ -181,6 +182,7 @@ fn drive(
         "image_readouts": "the number in the file's name", "clear_readout": middle,
         "label_readouts": labelled, "max_px_per_readout": plan.max_px_per_readout,
         "key_frames": plan.keys.len(), "too_fast": plan.too_fast(),
+        "needed_readout_hz": (2.0 * plan.max_px_per_readout * rate.hz()).ceil(),
         "frames_beyond_greatest_light": outcome.too_bright,
     });
     Ok((about, outcome.readouts))

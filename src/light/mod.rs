@@ -44,4 +44,4 @@ pub use motion::Motion;
 #[cfg(feature = "files")]
 pub use open::{Moving, Options, open, open_reader};
 pub use timeline::{Insertion, Moment, Rate, Timeline};
-pub use transfer::{Curve, LUMINANCE, Transfer, luminance};
+pub use transfer::{Curve, LUMINANCE, Transfer, luminance, srgb_code};
