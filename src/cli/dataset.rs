@@ -76,7 +76,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 20, requires = "from", help_heading = "Conversion",
           value_parser = clap::value_parser!(u64).range(1..))]
     pub readouts_per_frame: u64,
-    /// Light between two frames: hold or linear
+    /// Light between two frames: hold, linear, or flow (along an estimated motion)
     #[arg(long, default_value = "linear", requires = "from", help_heading = "Conversion")]
     pub insertion: Insertion,
     /// How frames are brought to the camera's size: resize, stretch or crop

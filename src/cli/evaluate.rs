@@ -102,6 +102,7 @@ const HEADER: &str = "picture      PSNR, dB    SSIM patches, % differences, %  S
 
 /// A clear image, and the rate of its white.
 struct Truth {
+    light: Vec<f32>,
     codes: Vec<f32>,
     full: f32,
 }
@@ -114,7 +115,8 @@ impl Truth {
                 .found(frame.geometry())
                 .expected(format_args!("{geometry}, the size of the stream")));
         }
-        Ok(Self { codes: frame.to_f32().into_iter().map(srgb_code).collect(), full })
+        let light = frame.to_f32();
+        Ok(Self { codes: light.iter().copied().map(srgb_code).collect(), light, full })
     }
 }
 
@@ -169,6 +171,10 @@ fn marks(args: &Args, reader: &Reader, at: usize, truth: Option<&Truth>) -> Resu
     let (bytes, centre) = around(reader, at, SEARCH)?;
     let rates = tfi(Packed::new(geometry, &bytes)?, centre, SEARCH)?;
     all.push(("tfi".to_owned(), judge(&rates, geometry, truth)?));
+    if let Some(truth) = truth {
+        // What the estimates take for noise in a picture that has none.
+        all.push(("clear image".to_owned(), judge(&truth.light, geometry, None)?));
+    }
     Ok(all)
 }
 

@@ -6,7 +6,9 @@ use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;
 use spikelane::dataset::Drive;
 use spikelane::light::open;
-use spikelane::light::{Chart, Fit, Insertion, Motion, Moving, Options, Rate, Source, Timeline, Transfer};
+use spikelane::light::{
+    Chart, Fit, Insertion, Motion, Moving, Objects, Options, Rate, Source, Timeline, Transfer,
+};
 use spikelane::scene::{self, Lighting, Scene, SceneOptions};
 use spikelane::simulate::LightFacts;
 use spikelane::{Camera, Error, Kind, Result};
@@ -28,8 +30,11 @@ const DRIVE_FRAMES_PER_S: u64 = 2000;
 const DRIVE_READOUTS: u64 = 1000;
 
 /// The scene that is drawn when nobody names one.
-const DEFAULT_SCENE: u64 = 7;
-const DEFAULT_LIGHTING: Lighting = Lighting::LowSun;
+const DEFAULT_SCENE: u64 = 11;
+const DEFAULT_LIGHTING: Lighting = Lighting::Noon;
+
+/// Objects before the backdrop.
+const OBJECTS: u32 = 12;
 
 /// Light that needs no input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -38,6 +43,8 @@ pub enum BuiltIn {
     Drive,
     /// The moving test chart.
     Chart,
+    /// Random flat objects over a backdrop.
+    Objects,
 }
 
 #[derive(clap::Args, Clone, Debug, Default)]
@@ -45,13 +52,14 @@ pub struct LightArgs {
     /// Folder of images, image, video, .npy, .npz, .y4m, or - for y4m or npy on standard input;
     /// a driving scene if left out
     pub input: Option<PathBuf>,
-    /// Built-in light: a random driving scene, or the moving test chart [default: drive]
+    /// Built-in light: a random driving scene, the moving test chart, or random objects over a backdrop
+    /// [default: drive]
     #[arg(long, value_name = "SOURCE", conflicts_with = "input", help_heading = "Light")]
     pub source: Option<BuiltIn>,
-    /// Seed of the driving scene [default: 7]
+    /// Seed of the driving scene, or of the objects [default: 11]
     #[arg(long, value_name = "N", conflicts_with = "input", help_heading = "Light")]
     pub scene_seed: Option<u64>,
-    /// Lighting of the driving scene [default: drawn by its seed; low-sun for the default seed]
+    /// Lighting of the driving scene [default: drawn by its seed; noon for the default seed]
     #[arg(long, conflicts_with = "input", help_heading = "Light",
           value_parser = PossibleValuesParser::new(Lighting::ALL.map(Lighting::name)))]
     pub lighting: Option<String>,
@@ -65,7 +73,7 @@ pub struct LightArgs {
     /// Frames of the input per second, such as 25 or 30000/1001 [default: what the input states]
     #[arg(long, value_name = "HZ", help_heading = "Light")]
     pub source_hz: Option<Rate>,
-    /// What the light does between two frames: hold or linear
+    /// What the light does between two frames: hold, linear, or flow (along an estimated motion)
     #[arg(long, value_name = "RULE", default_value = "hold", help_heading = "Light")]
     pub insertion: Insertion,
     /// How stored values become light: linear, srgb, or an exponent such as 2.2 [default: srgb for
@@ -98,6 +106,7 @@ impl LightArgs {
         if self.input.is_none() {
             return match self.source {
                 Some(BuiltIn::Chart) => self.chart(camera, readout),
+                Some(BuiltIn::Objects) => self.objects(camera, readout),
                 Some(BuiltIn::Drive) | None => self.drive(camera, readout),
             };
         }
@@ -146,7 +155,7 @@ impl LightArgs {
 
     /// Frames that `readouts` readouts see, and the one behind them for linear insertion.
     fn frames(&self, timeline: &Timeline, readouts: u64) -> u64 {
-        timeline.at(readouts - 1).frame + 1 + u64::from(self.insertion == Insertion::Linear)
+        timeline.at(readouts - 1).frame + 1 + u64::from(self.insertion != Insertion::Hold)
     }
 
     /// Refuses flags that would change nothing.
@@ -183,6 +192,19 @@ impl LightArgs {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let drive = Drive::new(scene, rate, frames, None, scene::Samples::Four, threads)?;
         Ok(Light { source: Box::new(drive), timeline, readouts: Some(readouts), rate: Some(rate) })
+    }
+
+    fn objects(&self, camera: &Camera, readout: Rate) -> Result<Light> {
+        if self.lighting.is_some() {
+            self.built_in(false)?;
+        }
+        self.built_in(true)?;
+        let (rate, timeline) = self.drawn(readout, FRAMES_PER_S)?;
+        let readouts = self.readouts.unwrap_or(CHART_READOUTS);
+        let frames = self.frames(&timeline, readouts);
+        let seed = self.scene_seed.unwrap_or(DEFAULT_SCENE);
+        let source = Objects::new(camera.sensor.geometry, rate, frames, seed, OBJECTS)?;
+        Ok(Light { source: Box::new(source), timeline, readouts: Some(readouts), rate: Some(rate) })
     }
 
     fn chart(&self, camera: &Camera, readout: Rate) -> Result<Light> {

@@ -6,8 +6,11 @@ use clap::Args as ClapArgs;
 
 use spikelane::error::{Error, Kind, Result};
 use spikelane::formats::{Layout, Reader};
-use spikelane::measure::{Accumulator, Estimate, Options, Summary, high_pass, summarise};
+use spikelane::measure::{
+    Accumulator, Estimate, Line, Options, Statistics, Summary, high_pass, spectrum, summarise,
+};
 use spikelane::report::{Curve, Part, Table, bars, heat_map, page};
+use spikelane::simulate::Sidecar;
 use spikelane::spikes::{Geometry, Packed};
 
 /// Measure a stream of a uniform, dark or static scene, in the words of EMVA 1288.
@@ -32,6 +35,9 @@ pub struct Args {
     force: bool,
 }
 
+/// How far a line exceeds what is around it: far outside chance ([`spikelane::measure::Spectrum::lines`]).
+const LINE: f64 = 30.0;
+
 /// Runs the command.
 ///
 /// # Errors
@@ -53,19 +59,24 @@ pub fn run(args: &Args, json: bool) -> Result<()> {
     }
     let statistics = accumulator.finish();
     let summary = summarise(&statistics)?;
+    let lines = lines(&statistics)?;
+    let hz = Sidecar::beside(&args.file).ok().flatten().and_then(|(_, sidecar)| sidecar.readout_hz);
+    let mut rows = rows(&summary);
+    rows.extend(lines.iter().map(|line| ("line in the spectrum of frame totals", told(line, hz))));
     if json {
-        let text = serde_json::to_string_pretty(&summary)
-            .map_err(|e| Error::new(Kind::Config, "summary").found(e))?;
-        println!("{text}");
+        let bad = |e| Error::new(Kind::Config, "summary").found(e);
+        let mut value = serde_json::to_value(&summary).map_err(bad)?;
+        value["frame_total_lines"] = serde_json::to_value(&lines).map_err(bad)?;
+        println!("{}", serde_json::to_string_pretty(&value).map_err(bad)?);
     } else {
-        for (name, value) in rows(&summary) {
+        for (name, value) in &rows {
             println!("{name:<52} {value}");
         }
     }
     let Some(path) = &args.report else { return Ok(()) };
     let mut table = Table::new(&["quantity", "value"]);
-    for (name, value) in rows(&summary) {
-        table.row([name.to_owned(), value]);
+    for (name, value) in &rows {
+        table.row([(*name).to_owned(), value.clone()]);
     }
     let mut parts = vec![Part::Table(table)];
     let width = reader.geometry().width();
@@ -88,6 +99,25 @@ pub fn run(args: &Args, json: bool) -> Result<()> {
     }
     let title = format!("Measured: {}", args.file.display());
     spikelane::storage::write_small(path, page(&title, &parts)?.as_bytes(), args.force)
+}
+
+/// The three strongest lines of the frame totals' spectrum: what the light, or the supply, does at one
+/// frequency.
+fn lines(statistics: &Statistics) -> Result<Vec<Line>> {
+    let Some(frames) = &statistics.frames else { return Ok(Vec::new()) };
+    // Several segments make lines of chance rare; short recordings have too little for any.
+    let segment = (frames.totals.len() / 4).min(8192) & !1;
+    if segment < 64 {
+        return Ok(Vec::new());
+    }
+    let mut lines = spectrum(&frames.totals, segment)?.lines(LINE);
+    lines.truncate(3);
+    Ok(lines)
+}
+
+fn told(line: &Line, readout_hz: Option<f64>) -> String {
+    let hz = readout_hz.map_or(String::new(), |hz| format!(" ({:.1} Hz)", hz * line.frequency));
+    format!("{:.5} cycles per readout{hz}, {:.0} times what is around it", line.frequency, line.prominence)
 }
 
 fn rows(s: &Summary) -> Vec<(&'static str, String)> {

@@ -4,7 +4,7 @@ use std::fs;
 
 use crate::dataset::manifest;
 use crate::dataset::{
-    Entry, Estimate, Manifest, Options, Record, Status, Work, card, inputs, layout, sequence,
+    Entry, Estimate, Manifest, Options, Record, Status, Work, card, from, inputs, layout, sequence,
 };
 use crate::error::{Error, Kind, Result};
 use crate::formats::Layout as StreamLayout;
@@ -172,15 +172,18 @@ pub fn make(options: &Options, watch: &mut dyn FnMut(Progress<'_>) -> Result<()>
             |readouts, total, verifying| Progress { index, of, id: &entry.id, readouts, total, verifying };
         if entry.status == Status::Done {
             watch(at(0, entry.readouts, true))?;
-            if verified(options, &entry) {
+            if verified(options, &entry) && input_digest(options, &entry)? == entry.input_digest {
                 layout::place(options, &entry)?;
                 report.verified += 1;
                 continue;
             }
         }
         layout::displace(options, &entry.id);
+        // Taken before it is read: a change meanwhile is then seen by the next --resume.
+        let read = input_digest(options, &entry);
         let made = sequence::make(options, &entry, &mut |done, total| watch(at(done, total, false)));
         manifest.entries[index] = settle(entry, made, &mut report)?;
+        manifest.entries[index].input_digest = read.unwrap_or(None);
         if manifest.entries[index].status == Status::Done {
             layout::place(options, &manifest.entries[index])?;
         } else {
@@ -192,6 +195,17 @@ pub fn make(options: &Options, watch: &mut dyn FnMut(Progress<'_>) -> Result<()>
     }
     card::write(options, &manifest)?;
     Ok(report)
+}
+
+/// Digest of the input as it is now; none for scenes, and for an input that is gone.
+fn input_digest(options: &Options, entry: &Entry) -> Result<Option<String>> {
+    let (Work::Inputs(inputs), Some(name)) = (&options.work, &entry.input) else { return Ok(None) };
+    let path = inputs.folder.join(name);
+    if !path.exists() {
+        // Nothing is left to make it from, so what was made stays.
+        return Ok(entry.input_digest.clone());
+    }
+    from::digest(&path).map(Some)
 }
 
 fn verified(options: &Options, entry: &Entry) -> bool {

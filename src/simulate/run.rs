@@ -141,6 +141,8 @@ pub struct Outcome {
     pub glance: Glance,
     /// Time from the first batch to the last, reading light included.
     pub simulated: Duration,
+    /// Of this, time in which nothing could be done but wait for light.
+    pub waited: Duration,
     /// Time to bring the files to the disk.
     pub synced: Duration,
 }
@@ -196,7 +198,7 @@ pub fn run(
     let limit = total.or(job.readouts).unwrap_or(u64::MAX);
     let mut feeder = Feeder::new(source, first, job.timeline, limit, greatest_light);
     let start = Instant::now();
-    let glance = simulate(&mut feeder, &mut tracks, total.or(job.readouts), watch)?;
+    let (glance, waited) = simulate(&mut feeder, &mut tracks, total.or(job.readouts), watch)?;
     let (readouts, frames, too_bright) = (feeder.at(), feeder.frames, feeder.too_bright);
     if let Some(total) = total.filter(|&n| n != readouts) {
         return Err(Error::new(Kind::Input, about)
@@ -208,7 +210,18 @@ pub fn run(
     let (mut files, synced) = finish(job, tracks)?;
     let clean = clean.and_then(|_| files.pop());
     let noisy = files.pop().ok_or_else(|| Error::new(Kind::Io, noisy.display()).found("no stream"))?;
-    Ok(Outcome { noisy, clean, readouts, frames, greatest_light, too_bright, glance, simulated, synced })
+    Ok(Outcome {
+        noisy,
+        clean,
+        readouts,
+        frames,
+        greatest_light,
+        too_bright,
+        glance,
+        simulated,
+        waited,
+        synced,
+    })
 }
 
 fn track(job: &Run, plan: Plan, path: &Path, total: Option<u64>) -> Result<Track> {
@@ -228,17 +241,20 @@ fn simulate(
     tracks: &mut [Track],
     total: Option<u64>,
     watch: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
-) -> Result<Glance> {
+) -> Result<(Glance, Duration)> {
     let bytes = feeder.current().geometry().frame_bytes();
     let batch = READOUTS.min((HELD / bytes).max(1));
     let mut packed = vec![0; batch * bytes];
     let mut glances = Glances::new(total, feeder.current());
     watch(0, total)?;
+    let mut waited = Duration::ZERO;
     loop {
+        let asked = Instant::now();
         let pieces = feeder.fill(batch, HELD)?;
+        waited += asked.elapsed();
         let readouts: usize = pieces.iter().map(|p| p.readouts).sum();
         if readouts == 0 {
-            return Ok(glances.middle(feeder.at()));
+            return Ok((glances.middle(feeder.at()), waited));
         }
         let segments: Vec<_> = pieces.iter().map(Piece::segment).collect();
         for track in tracks.iter_mut() {
