@@ -238,6 +238,9 @@ fn settle(mut entry: Entry, made: Result<(Record, String, u64)>, report: &mut Re
             entry.reason = Some(e.to_string());
             report.failed += 1;
         }
+        Err(e) if e.kind() == Kind::Space => {
+            return Err(e.remedy("free some space, then go on with --resume; finished sequences are kept"));
+        }
         Err(e) => return Err(e),
     }
     Ok(entry)
