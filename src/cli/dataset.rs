@@ -33,7 +33,7 @@ pub struct Args {
     pub from: Option<PathBuf>,
     /// A known dataset: rhdd is 30 scenes of 500 images, tiny 2 scenes of 40, one readout per image
     #[arg(long, value_name = "NAME", default_value = "rhdd", conflicts_with = "from",
-          value_parser = PossibleValuesParser::new(Drives::PRESETS.map(|(name, _)| name)))]
+          value_parser = PossibleValuesParser::new(Drives::PRESETS))]
     pub preset: String,
     /// Number of scenes
     #[arg(long, value_name = "N", conflicts_with = "from", help_heading = "Scenes")]

@@ -98,6 +98,9 @@ impl Marks {
     }
 }
 
+/// Pictures of one stream by name.
+type Named = Vec<(String, Marks)>;
+
 const HEADER: &str = "picture      PSNR, dB    SSIM patches, % differences, %  SNR, dB\n";
 
 /// A clear image, and the rate of its white.
@@ -159,7 +162,7 @@ fn full(args: &Args, file: &Path) -> Result<f32> {
 }
 
 /// The pictures of `reader` around `at`, by name.
-fn marks(args: &Args, reader: &Reader, at: usize, truth: Option<&Truth>) -> Result<Vec<(String, Marks)>> {
+fn marks(args: &Args, reader: &Reader, at: usize, truth: Option<&Truth>) -> Result<Named> {
     let geometry = reader.geometry();
     let mut all = Vec::new();
     for window in &args.window {
@@ -202,8 +205,7 @@ fn dataset(args: &Args, out: &Out) -> Result<()> {
     }
     let manifest = Manifest::read(&args.file)?;
     let done: Vec<_> = manifest.entries.iter().filter(|e| e.status == Status::Done).collect();
-    let mut kinds: Vec<(&str, Vec<Vec<(String, Marks)>>)> =
-        vec![("noisy", Vec::new()), ("clean", Vec::new())];
+    let mut kinds = [("noisy", Vec::<Named>::new()), ("clean", Vec::new())];
     for entry in &done {
         let folder = args.file.join("sequences").join(&entry.id);
         for ((kind, all), file) in kinds.iter_mut().zip(["stream.dat", "stream.clean.dat"]) {
@@ -228,7 +230,7 @@ fn dataset(args: &Args, out: &Out) -> Result<()> {
     if out.json() { Ok(()) } else { out.result(&Value::Null, &text) }
 }
 
-fn sequence(args: &Args, folder: &Path, file: &str) -> Result<Vec<(String, Marks)>> {
+fn sequence(args: &Args, folder: &Path, file: &str) -> Result<Named> {
     let stream = folder.join(file);
     let record = Record::read(folder)?;
     let at = record.about["clear_readout"].as_u64().unwrap_or(0) as usize;

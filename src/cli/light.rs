@@ -26,8 +26,8 @@ const CHART_READOUTS: u64 = 4000;
 /// the street moves less than half a pixel from one to the next; a frame takes some 40 ms to draw.
 const DRIVE_FRAMES_PER_S: u64 = 2000;
 
-/// Readouts of a drive when nobody says otherwise: a twentieth of a second at 20 kHz.
-const DRIVE_READOUTS: u64 = 1000;
+/// Readouts of a drive when nobody says otherwise: a fortieth of a second at 20 kHz.
+const DRIVE_READOUTS: u64 = 500;
 
 /// The scene that is drawn when nobody names one.
 const DEFAULT_SCENE: u64 = 11;

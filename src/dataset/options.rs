@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
+use crate::dataset::sequence;
 use crate::draws::hash::mix64;
 use crate::draws::{Seeds, Stream};
 use crate::effects::Camera;
@@ -77,13 +78,17 @@ pub struct Drives {
 }
 
 impl Drives {
-    /// Datasets with a name, and what they are.
-    pub const PRESETS: [(&'static str, fn() -> Self); 2] = [("rhdd", Self::rhdd), ("tiny", Self::tiny)];
+    /// Names of datasets that are known.
+    pub const PRESETS: [&'static str; 2] = ["rhdd", "tiny"];
 
     /// The dataset of that name.
     #[must_use]
     pub fn preset(name: &str) -> Option<Self> {
-        Self::PRESETS.iter().find(|(known, _)| *known == name).map(|(_, make)| make())
+        match name {
+            "rhdd" => Some(Self::rhdd()),
+            "tiny" => Some(Self::tiny()),
+            _ => None,
+        }
     }
 
     /// Two scenes of 40 images, for a first try.
@@ -196,7 +201,10 @@ impl Options {
                 .found(if empty { "nothing to make" } else { "a share outside 0 to 1" })
                 .expected("at least one sequence, image and readout, and a test share from 0 to 1"));
         }
-        Ok(())
+        match &self.work {
+            Work::Drives(drives) => sequence::scene_options(self, drives)?.check(),
+            Work::Inputs(_) => Ok(()),
+        }
     }
 
     /// Seeds of sequence `id`: one camera for all, noise of its own for each.

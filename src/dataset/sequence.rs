@@ -130,6 +130,22 @@ pub(super) fn picture(light: &[f32], geometry: Geometry) -> Result<Vec<u8>> {
     Ok(out.into_inner())
 }
 
+/// What every scene of the dataset is asked to be.
+pub(super) fn scene_options(options: &Options, drives: &Drives) -> Result<SceneOptions> {
+    let geometry = options.camera.sensor.geometry;
+    Ok(SceneOptions {
+        width: geometry.width() as u32,
+        height: geometry.height() as u32,
+        lighting: drives.lighting,
+        // One more readout than needed, so that rounding leaves the last one inside.
+        duration_s: (drives.readouts() as f64 / options.rate()?.hz()).max(2e-3),
+        speed_kmh: drives.speed_kmh,
+        vehicles: drives.vehicles,
+        flicker_hz: drives.flicker_hz,
+        fov_deg: None,
+    })
+}
+
 fn drive(
     options: &Options,
     drives: &Drives,
@@ -137,21 +153,10 @@ fn drive(
     folder: &Path,
     watch: Watch<'_>,
 ) -> Result<(Value, u64)> {
-    let (rate, geometry) = (options.rate()?, options.camera.sensor.geometry);
+    let rate = options.rate()?;
     let readouts = drives.readouts();
     let seed = entry.scene_seed.unwrap_or_else(|| options.scene_seed(&entry.id));
-    let asked = SceneOptions {
-        width: geometry.width() as u32,
-        height: geometry.height() as u32,
-        lighting: drives.lighting,
-        // One more readout than needed, so that rounding leaves the last one inside.
-        duration_s: (readouts as f64 / rate.hz()).max(2e-3),
-        speed_kmh: drives.speed_kmh,
-        vehicles: drives.vehicles,
-        flicker_hz: drives.flicker_hz,
-        fov_deg: None,
-    };
-    let scene = Scene::random(seed, &asked)?;
+    let scene = Scene::random(seed, &scene_options(options, drives)?)?;
     let mut drive = Drive::new(scene, rate, readouts, drives.white_cd_m2, drives.samples, options.threads)?;
     let images = folder.join("images");
     fs::create_dir_all(&images).map_err(|e| Error::io(images.display(), e))?;

@@ -34,18 +34,21 @@ impl Plane {
         Self { v: self.v.iter().zip(&other.v).map(|(&a, &b)| f(a, b)).collect(), ..*self }
     }
 
-    /// Bilinear, the border's value outside.
+    /// Cubic (Catmull and Rom), the border's value outside. Straight lines between pixels would bend
+    /// the motion found by up to 0.05 px where detail is 20 pixels wide.
     fn at(&self, x: f32, y: f32) -> f32 {
         let (x, y) = (x.clamp(0.0, (self.w - 1) as f32), y.clamp(0.0, (self.h - 1) as f32));
         let (c, r) = (x as usize, y as usize);
-        let (c1, r1) = ((c + 1).min(self.w - 1), (r + 1).min(self.h - 1));
-        let (fx, fy) = (x - c as f32, y - r as f32);
-        let row = |r: usize| {
-            let (a, b) = (self.v[r * self.w + c], self.v[r * self.w + c1]);
-            a + fx * (b - a)
-        };
-        let (top, low) = (row(r), row(r1));
-        top + fy * (low - top)
+        let (across, down) = (weights(x - c as f32), weights(y - r as f32));
+        let near = |i: usize, k: usize, n: usize| (i + k).saturating_sub(1).min(n - 1);
+        let columns: [usize; 4] = std::array::from_fn(|k| near(c, k, self.w));
+        let mut sum = 0.0;
+        for (k, weight) in down.iter().enumerate() {
+            let row = &self.v[near(r, k, self.h) * self.w..][..self.w];
+            let line: f32 = columns.iter().zip(&across).map(|(&c, w)| w * row[c]).sum();
+            sum += weight * line;
+        }
+        sum
     }
 
     fn inside(&self, x: f32, y: f32) -> bool {
@@ -82,6 +85,17 @@ impl Plane {
         };
         (all(&x), all(&y))
     }
+}
+
+/// Weights of the four pixels around a place `t` beyond the second.
+fn weights(t: f32) -> [f32; 4] {
+    let (t2, t3) = (t * t, t * t * t);
+    [
+        0.5 * (2.0 * t2 - t - t3),
+        0.5 * (2.0 - 5.0 * t2 + 3.0 * t3),
+        0.5 * (t + 4.0 * t2 - 3.0 * t3),
+        0.5 * (t3 - t2),
+    ]
 }
 
 /// Running means along `count` lines of `n` values, `step` apart, the lines `line` apart.
@@ -281,7 +295,9 @@ impl Between {
         match (self.from.inside(early.0, early.1), self.to.inside(late.0, late.1)) {
             (true, false) => a,
             (false, true) => b,
-            _ => (a + weight * (b - a)).max(0.0),
+            _ => a + weight * (b - a),
         }
+        // A cubic may swing below the dark side of an edge.
+        .max(0.0)
     }
 }
