@@ -199,8 +199,47 @@ pub struct Between {
     to: Plane,
     /// Square roots of the light, in which dark detail counts as much as bright.
     codes: (Plane, Plane),
-    forward: Field,
-    backward: Field,
+    forward: Way,
+    backward: Way,
+    /// How badly standing still explains the frames.
+    still: Plane,
+}
+
+/// The motion from one frame to the other, and how much each pixel changes on it.
+#[derive(Clone, Debug)]
+struct Way {
+    field: Field,
+    change: Plane,
+}
+
+impl Way {
+    fn new(a: &Plane, b: &Plane) -> Self {
+        let field = motion(a, b);
+        let change = field.fetch(b, 1.0).map2(a, |p, q| (p - q).abs());
+        Self { field, change }
+    }
+
+    /// The field as seen at `share` of its way, times `sign`; where several pixels come together the
+    /// one that changes least wins, where none comes the field stays as it is.
+    fn splat(&self, share: f32, sign: f32) -> Field {
+        let (field, change) = (&self.field, &self.change);
+        let mut out = field.clone();
+        let mut error = vec![f32::INFINITY; change.v.len()];
+        for k in 0..change.v.len() {
+            let x = (k % change.w) as f32 + share * field.dx.v[k];
+            let y = (k / change.w) as f32 + share * field.dy.v[k];
+            if !change.inside(x, y) {
+                continue;
+            }
+            let at = (y + 0.5) as usize * change.w + (x + 0.5) as usize;
+            if change.v[k] < error[at] {
+                error[at] = change.v[k];
+                (out.dx.v[at], out.dy.v[at]) = (field.dx.v[k], field.dy.v[k]);
+            }
+        }
+        out.dx.v.iter_mut().chain(&mut out.dy.v).for_each(|d| *d *= sign);
+        out
+    }
 }
 
 impl Between {
@@ -220,14 +259,15 @@ impl Between {
         let (from, to) = (plane(from), plane(to));
         let code = |p: &Plane| Plane { v: p.v.iter().map(|x| x.sqrt()).collect(), ..*p };
         let codes = (code(&from), code(&to));
-        let (forward, backward) = (motion(&codes.0, &codes.1), motion(&codes.1, &codes.0));
-        Ok(Self { geometry, from, to, codes, forward, backward })
+        let (forward, backward) = (Way::new(&codes.0, &codes.1), Way::new(&codes.1, &codes.0));
+        let still = codes.0.map2(&codes.1, |p, q| (p - q).abs()).mean(2);
+        Ok(Self { geometry, from, to, codes, forward, backward, still })
     }
 
     /// The motion from the first frame to the second, in pixels: to the right, and down.
     #[must_use]
     pub fn motion(&self) -> (&[f32], &[f32]) {
-        (&self.forward.dx.v, &self.forward.dy.v)
+        (&self.forward.field.dx.v, &self.forward.field.dy.v)
     }
 
     /// The light at `weight` from the first frame (0) to the second (1), as floats.
@@ -240,43 +280,21 @@ impl Between {
                 .found(weight)
                 .expected("a number from 0 to 1"));
         }
-        let fields = [
-            self.splat(&self.forward, weight, 1.0),
-            self.splat(&self.backward, 1.0 - weight, -1.0),
-            Field::still(&self.from),
-        ];
-        let misfits: Vec<Plane> = fields.iter().map(|f| self.misfit(f, weight)).collect();
+        let fields = [self.forward.splat(weight, 1.0), self.backward.splat(1.0 - weight, -1.0)];
+        let misfits = fields.each_ref().map(|f| self.misfit(f, weight));
         let light = (0..self.from.v.len())
             .map(|k| {
-                let best = (0..3).min_by(|&i, &j| misfits[i].v[k].total_cmp(&misfits[j].v[k])).unwrap_or(2);
-                self.blend(&fields[best], k, weight)
+                let (early, late, still) = (misfits[0].v[k], misfits[1].v[k], self.still.v[k]);
+                if still < early.min(late) {
+                    let (a, b) = (self.from.v[k], self.to.v[k]);
+                    return a + weight * (b - a);
+                }
+                self.blend(&fields[usize::from(late < early)], k, weight)
             })
+            // A cubic may swing below the dark side of an edge.
+            .map(|light| light.max(0.0))
             .collect();
         Frame::new(self.geometry, Samples::F32(light))
-    }
-
-    /// The field as seen at `share` of its way, times `sign`; where several pixels come together the
-    /// one that changes least on its way wins, where none comes the field stays as it is.
-    fn splat(&self, field: &Field, share: f32, sign: f32) -> Field {
-        let (a, b) = if sign > 0.0 { (&self.codes.0, &self.codes.1) } else { (&self.codes.1, &self.codes.0) };
-        let there = field.fetch(b, 1.0);
-        let mut out = field.clone();
-        let mut error = vec![f32::INFINITY; a.v.len()];
-        for k in 0..a.v.len() {
-            let x = (k % a.w) as f32 + share * field.dx.v[k];
-            let y = (k / a.w) as f32 + share * field.dy.v[k];
-            if !a.inside(x, y) {
-                continue;
-            }
-            let at = (y + 0.5) as usize * a.w + (x + 0.5) as usize;
-            let change = (a.v[k] - there.v[k]).abs();
-            if at < error.len() && change < error[at] {
-                error[at] = change;
-                (out.dx.v[at], out.dy.v[at]) = (field.dx.v[k], field.dy.v[k]);
-            }
-        }
-        out.dx.v.iter_mut().chain(&mut out.dy.v).for_each(|d| *d *= sign);
-        out
     }
 
     /// How badly a field at `weight` explains the two frames, around every pixel.
@@ -297,7 +315,5 @@ impl Between {
             (false, true) => b,
             _ => a + weight * (b - a),
         }
-        // A cubic may swing below the dark side of an edge.
-        .max(0.0)
     }
 }
