@@ -1,49 +1,78 @@
-//! The commands `dataset` and `scene`, by their arguments.
+//! The commands `dataset`, `scene` and `evaluate`, from outside.
+#![cfg(feature = "cli")]
 
-use clap::Parser;
+mod program_support;
 
-#[path = "../src/cli/dataset.rs"]
-mod dataset;
-#[path = "../src/cli/scene.rs"]
-mod scene;
+use program_support::{Place, exists};
 
-#[derive(Parser)]
-enum Cli {
-    Dataset(Box<dataset::Args>),
-    Scene(scene::Args),
-}
-
-fn run(args: &[&str]) -> spikelane::Result<()> {
-    match Cli::try_parse_from([&["spikelane"], args].concat()).unwrap() {
-        Cli::Dataset(args) => dataset::run(&args),
-        Cli::Scene(args) => scene::run(&args),
-    }
-}
-
-/// Arguments of one's own, to make a larger dataset: `SPIKELANE_ARGS="dataset -o out" cargo test --test dataset_cli -- --ignored`.
-#[test]
-#[ignore = "makes what SPIKELANE_ARGS asks for"]
-fn arguments_from_the_environment() {
-    let args = std::env::var("SPIKELANE_ARGS").unwrap();
-    run(&args.split_whitespace().collect::<Vec<_>>()).unwrap();
-}
+const TINY: &str = "dataset --preset tiny --sequences 1 --images 6 --label-every 3 --width 64 --height 40";
 
 #[test]
 fn a_scene_becomes_pictures_of_light_and_labels() {
-    let dir = tempfile::tempdir().unwrap();
-    let out = dir.path().join("preview");
-    run(&["scene", "-o", out.to_str().unwrap(), "--width", "64", "--height", "40", "--frames", "2"]).unwrap();
-    for kind in ["light", "depth", "flow", "semantic", "instance"] {
-        let picture = image::open(out.join(format!("0001.{kind}.png"))).unwrap();
+    let place = Place::new();
+    place.good("scene -o preview --width 64 --height 40 --frames 2");
+    for kind in ["light", "depth", "flow", "semantic", "instance", "boxes"] {
+        let picture = image::open(place.path(&format!("preview/0001.{kind}.png"))).unwrap();
         assert_eq!((picture.width(), picture.height()), (64, 40), "{kind}");
     }
-    assert!(out.join("0001.boxes.json").is_file());
+    assert!(place.path("preview/0001.boxes.json").is_file());
+    place.refused("scene -o preview --width 64 --height 40", 7, &["0000.light.png"]);
 }
 
 #[test]
-fn a_dry_run_writes_nothing() {
-    let dir = tempfile::tempdir().unwrap();
-    let out = dir.path().join("set");
-    run(&["dataset", "-o", out.to_str().unwrap(), "--dry-run"]).unwrap();
-    assert!(!out.exists());
+fn a_dry_run_writes_nothing_and_answers_json() {
+    let place = Place::new();
+    let ran = place.good("dataset -o set --dry-run --json");
+    assert!(!exists(&place.path("set")));
+    let told = &ran.events()[0];
+    // RHDD: 30 scenes of 500 images, one readout each.
+    assert_eq!((told["sequences"].as_u64(), told["readouts"].as_u64()), (Some(30), Some(15_000)));
+    let ran = place.good("dataset -o set --preset tiny --dry-run --json");
+    assert_eq!(ran.events()[0]["sequences"], 2);
+}
+
+#[test]
+fn a_dataset_is_made_evaluated_and_gone_on_with() {
+    let place = Place::new();
+    let ran = place.good(&format!("{TINY} -o set --json"));
+    assert_eq!(ran.events().last().unwrap()["made"], 1);
+    place.refused(&format!("{TINY} -o set"), 7, &["set", "--resume"]);
+    let ran = place.good(&format!("{TINY} -o set --resume"));
+    assert!(ran.stdout.contains("0 made, 1 verified"), "{}", ran.stdout);
+    let told = place.good("evaluate set --window 5 --json").events();
+    assert_eq!(told.len(), 2);
+    assert_eq!((&told[0]["stream"], &told[1]["stream"]), (&"noisy".into(), &"clean".into()));
+    let marks = &told[0]["pictures"][0]["marks"];
+    assert!(marks["psnr_db"].as_f64().unwrap() > 3.0 && marks["ssim"].as_f64().unwrap() < 1.0, "{marks}");
+    assert!(place.good("evaluate set").stdout.contains("tfp 129"));
+}
+
+/// The estimate of the noise of TFP falls with its window as counting does, and PSNR rises.
+#[test]
+fn evaluate_sees_noise_fall_with_the_window() {
+    let place = Place::new();
+    place.picture("grey.png", 96, 64, 150);
+    place.good("simulate grey.png --width 96 --height 64 --readouts 400 -o a");
+    let told = place.good("evaluate a.dat --clear grey.png --window 17 --window 257 --json").events();
+    let mark = |i: usize, key: &str| told[0]["pictures"][i]["marks"][key].as_f64().unwrap();
+    assert!(mark(0, "patch_noise") > 2.0 * mark(1, "patch_noise"));
+    assert!(mark(1, "psnr_db") > mark(0, "psnr_db") && mark(1, "snr_db") > mark(0, "snr_db"));
+    // Without a truth there is none to compare with.
+    let told = place.good("evaluate a.dat --json").events();
+    assert!(told[0]["pictures"][0]["marks"]["psnr_db"].is_null());
+    place.picture("small.png", 20, 20, 150);
+    place.refused("evaluate a.dat --clear small.png", 4, &["small.png", "96x64"]);
+}
+
+#[test]
+fn impossible_scenes_are_refused() {
+    let place = Place::new();
+    place.refused("scene -o a --width 0", 2, &["0"]);
+    place.refused("scene -o a --rate 0", 2, &["rate"]);
+    place.refused("dataset -o a --preset tiny --speed-kmh 5000", 2, &["km/h"]);
+    place.refused("dataset -o a --preset tiny --test-share 1.5", 2, &["share"]);
+    place.refused("dataset -o a --preset tiny --camera nobody", 3, &["nobody"]);
+    // No vehicle at all is a scene like any other.
+    place.good(&format!("{TINY} --vehicles 0 -o empty"));
+    assert_eq!(place.json("empty/sequences/scene-0000/record.json")["about"]["vehicles"], 0);
 }

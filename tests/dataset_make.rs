@@ -75,6 +75,59 @@ fn a_sequence_holds_streams_images_and_labels_of_named_readouts() {
 }
 
 #[test]
+fn labels_come_in_kittis_pictures_and_light_in_exr_when_asked_for() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("set");
+    let Work::Drives(some) = drives(1) else { panic!("scenes") };
+    make(&options(&out, Work::Drives(Drives { kitti: true, exr: true, ..some }))).unwrap();
+    let at = |name: &str| out.join("sequences/scene-0000/labels").join(name);
+    // Depth in steps of 1/256 m, beside the exact one.
+    let depth = image::open(at("000012.depth.kitti.png")).unwrap().into_luma16();
+    let exact = fs::read(at("000012.depth.npy")).unwrap();
+    let exact: Vec<f32> = exact[exact.len() - 48 * 32 * 4..]
+        .chunks(4)
+        .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+        .collect();
+    assert!(depth.iter().zip(&exact).all(|(&d, &m)| {
+        if m < 255.99 { (f32::from(d) / 256.0 - m).abs() <= 0.5 / 256.0 } else { d == 0 }
+    }));
+    let flow = image::open(at("000000.forward.kitti.png")).unwrap().into_rgb16();
+    assert!(flow.pixels().any(|p| p.0[2] == 1));
+    let light = image::open(at("000012.light.exr")).unwrap().into_rgb32f();
+    assert_eq!((light.width(), light.height()), (48, 32));
+    assert!(light.as_raw().iter().all(|v| v.is_finite() && *v >= 0.0));
+}
+
+#[test]
+fn a_drive_too_fast_for_its_readouts_is_told_with_the_rate_it_needs() {
+    let dir = tempfile::tempdir().unwrap();
+    let make_at = |readout_hz: f64, name: &str| {
+        let mut slow = options(&dir.path().join(name), drives(1));
+        slow.camera.sensor.readout_hz = readout_hz;
+        make(&slow).unwrap()
+    };
+    let report = make_at(200.0, "slow");
+    assert_eq!(report.too_fast, 1);
+    assert!(report.needed_readout_hz > 200, "{report:?}");
+    let enough = make_at(report.needed_readout_hz as f64 * 1.2, "fast");
+    assert_eq!((enough.too_fast, enough.needed_readout_hz), (0, 0));
+}
+
+#[test]
+fn a_changed_input_is_made_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let (clips, out) = (dir.path().join("clips"), dir.path().join("set"));
+    for name in ["a", "b"] {
+        clip(&clips.join(name), 200);
+    }
+    make(&options(&out, inputs(&clips))).unwrap();
+    let resumed = || make(&Options { resume: true, ..options(&out, inputs(&clips)) }).unwrap();
+    assert_eq!(resumed(), Report { verified: 2, ..Report::default() });
+    clip(&clips.join("b"), 90);
+    assert_eq!(resumed(), Report { made: 1, verified: 1, ..Report::default() });
+}
+
+#[test]
 fn threads_change_no_byte() {
     let dir = tempfile::tempdir().unwrap();
     let mut found = Vec::new();
@@ -85,6 +138,24 @@ fn threads_change_no_byte() {
         found.push(files(&out));
     }
     assert!(found[0] == found[1]);
+}
+
+#[test]
+fn the_split_of_scenes_is_exact_and_of_inputs_stays() {
+    let ids = |n: u32| -> Vec<String> { (0..n).map(|i| format!("scene-{i:04}")).collect() };
+    let tests = |share: f64, n: u32, work: Work| {
+        let options = Options { test_share: share, ..options(Path::new("nowhere"), work) };
+        options.tests(&ids(n))
+    };
+    let count = |share, n| tests(share, n, drives(n)).into_iter().filter(|t| *t).count();
+    assert_eq!(
+        [count(0.2, 30), count(0.5, 7), count(0.01, 5), count(0.0, 5), count(1.0, 5)],
+        [6, 4, 1, 0, 5]
+    );
+    assert_eq!(count(0.99, 3), 2, "one is left to train with");
+    // Inputs that are added later move no other one.
+    let few = tests(0.3, 20, inputs(Path::new("clips")));
+    assert_eq!(tests(0.3, 50, inputs(Path::new("clips")))[..20], few);
 }
 
 #[test]
@@ -113,7 +184,7 @@ fn resume_makes_a_corrupted_and_a_missing_sequence_again_and_no_other() {
     fs::write(&broken, bytes).unwrap();
     fs::remove_file(out.join("sequences/scene-0002/images/000002.png")).unwrap();
     let report = make(&Options { resume: true, ..options(&out, drives(3)) }).unwrap();
-    assert_eq!(report, Report { made: 2, verified: 1, failed: 0 });
+    assert_eq!(report, Report { made: 2, verified: 1, failed: 0, ..Report::default() });
     assert!(files(&out) == before);
 }
 
@@ -178,7 +249,7 @@ fn many_clips_become_sequences_of_their_own_and_broken_ones_are_set_aside() {
     fs::write(clips.join("bad/0.png"), b"no picture").unwrap();
     fs::write(clips.join("bad.y4m"), b"YUV4MPEG2 W48").unwrap();
     let report = make(&options(&out, inputs(&clips))).unwrap();
-    assert_eq!(report, Report { made: 18, verified: 0, failed: 2 });
+    assert_eq!(report, Report { made: 18, verified: 0, failed: 2, ..Report::default() });
     let manifest = Manifest::read(&out).unwrap();
     let (good, bad): (Vec<_>, Vec<_>) = manifest.entries.iter().partition(|e| e.status == Status::Done);
     assert!(bad.iter().all(|e| e.reason.as_deref().is_some_and(|r| r.contains("bad"))));
@@ -196,7 +267,7 @@ fn many_clips_become_sequences_of_their_own_and_broken_ones_are_set_aside() {
     fs::remove_dir_all(clips.join("bad")).unwrap();
     clip(&clips.join("bad"), 90);
     let report = make(&Options { resume: true, ..options(&out, inputs(&clips)) }).unwrap();
-    assert_eq!(report, Report { made: 1, verified: 18, failed: 0 });
+    assert_eq!(report, Report { made: 1, verified: 18, failed: 0, ..Report::default() });
 }
 
 #[test]

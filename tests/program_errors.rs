@@ -12,7 +12,7 @@ const SMALL: &str = "--width 16 --height 8";
 /// A place with a good stream of 20 readouts, `good.dat`.
 fn with_stream() -> Place {
     let place = Place::new();
-    place.good("simulate --width 32 --height 24 --readouts 20 -o good");
+    place.good("simulate --source chart --width 32 --height 24 --readouts 20 -o good");
     place
 }
 
@@ -124,14 +124,16 @@ fn presets_that_make_no_sense_are_refused() {
         ),
     ] {
         place.write(&format!("{name}.toml"), text);
-        let line = format!("simulate {SMALL} --readouts 5 --width 16 --height 16 --preset {name}.toml -o a");
+        let line = format!(
+            "simulate --source chart {SMALL} --readouts 5 --width 16 --height 16 --preset {name}.toml -o a"
+        );
         let line = line.replace(&format!("{SMALL} "), "");
         place.refused(&line, 3, &[word]);
     }
-    place.refused("simulate --readouts 5 --preset nothing -o a", 3, &["nothing", "physical"]);
-    place.refused("simulate --readouts 5 --effect prnu.sigma=-1 -o a", 3, &["prnu", "sigma"]);
-    place.refused("simulate --readouts 5 --effect prnu -o a", 2, &["NAME.KEY=VALUE"]);
-    place.refused("simulate --readouts 5 --preset missing.toml -o a", 5, &["missing.toml"]);
+    place.refused("simulate --source chart --readouts 5 --preset nothing -o a", 3, &["nothing", "physical"]);
+    place.refused("simulate --source chart --readouts 5 --effect prnu.sigma=-1 -o a", 3, &["prnu", "sigma"]);
+    place.refused("simulate --source chart --readouts 5 --effect prnu -o a", 2, &["NAME.KEY=VALUE"]);
+    place.refused("simulate --source chart --readouts 5 --preset missing.toml -o a", 5, &["missing.toml"]);
 }
 
 #[test]
@@ -155,11 +157,15 @@ fn nothing_is_overwritten_without_force() {
     let place = Place::new();
     for taken in ["a.dat", "a.clean.dat", "a.json", "a.png"] {
         place.write(taken, "mine");
-        place.refused("simulate --width 16 --height 16 --readouts 9 --clean -o a", 7, &[taken, "--force"]);
+        place.refused(
+            "simulate --source chart --width 16 --height 16 --readouts 9 --clean -o a",
+            7,
+            &[taken, "--force"],
+        );
         assert_eq!(place.read(taken), b"mine");
         fs::remove_file(place.path(taken)).unwrap();
     }
-    place.good("simulate --width 16 --height 16 --readouts 9 -o a");
+    place.good("simulate --source chart --width 16 --height 16 --readouts 9 -o a");
     for (line, output) in
         [("convert a.dat", "b.npy"), ("reconstruct a.dat -o", "b.png"), ("reconstruct a.dat -o", "b.npy")]
     {
@@ -169,7 +175,7 @@ fn nothing_is_overwritten_without_force() {
         place.good(&format!("{line} {output} --force"));
         assert_ne!(place.read(output), b"mine");
     }
-    place.good("simulate --width 16 --height 16 --readouts 18 -o a --force");
+    place.good("simulate --source chart --width 16 --height 16 --readouts 18 -o a --force");
     place.good("verify a.dat");
     assert_eq!(place.json("a.json")["readouts"], 18);
 }
@@ -177,7 +183,7 @@ fn nothing_is_overwritten_without_force() {
 #[test]
 fn a_stream_that_cannot_fit_the_disk_is_refused_before_the_start() {
     let place = Place::new();
-    place.refused("simulate --readouts 1000000000000 -o a", 6, &["a.dat", "free"]);
+    place.refused("simulate --source chart --readouts 1000000000000 -o a", 6, &["a.dat", "free"]);
 }
 
 /// A stream whose length nobody knows meets the end of the disk in the middle.
@@ -211,7 +217,7 @@ fn a_full_disk_leaves_nothing() {
 #[test]
 fn a_missing_folder_or_input_is_the_systems_word() {
     let place = Place::new();
-    place.refused("simulate --readouts 5 -o no/such/a", 5, &["no/such/a"]);
+    place.refused("simulate --source chart --readouts 5 -o no/such/a", 5, &["no/such/a"]);
     place.refused("simulate missing.png --readouts 5 -o a", 5, &["missing.png"]);
     place.refused("inspect missing.dat", 5, &["missing.dat"]);
     assert!(!exists(&place.path("no")));

@@ -18,30 +18,51 @@ fn the_main_job_writes_everything_and_runs_again_without_loss() {
     let place = Place::new();
     let ran = place.good("");
     let out = |name: &str| format!("out/{name}");
-    for name in ["chart.dat", "chart.clean.dat", "chart.json", "chart.png"] {
+    for name in ["drive.dat", "drive.clean.dat", "drive.json", "drive.png"] {
         assert!(ran.stderr.contains(name), "{name} in {}", ran.stderr);
         assert!(!place.read(&out(name)).is_empty());
     }
     assert!(ran.stderr.contains("Gpixel-readouts/s") && ran.stderr.contains("x real time"));
-    assert_eq!(place.read("out/chart.dat").len(), 4000 * 12_500);
-    let sidecar = place.json("out/chart.json");
-    assert_eq!((sidecar["width"].as_u64(), sidecar["readouts"].as_u64()), (Some(400), Some(4000)));
+    assert_eq!(place.read("out/drive.dat").len(), 500 * 12_500);
+    let sidecar = place.json("out/drive.json");
+    assert_eq!((sidecar["width"].as_u64(), sidecar["readouts"].as_u64()), (Some(400), Some(500)));
     // Again: the same bytes under the same names.
-    let before = place.read("out/chart.dat");
+    let before = place.read("out/drive.dat");
     place.good("");
-    assert!(before == place.read("out/chart.dat"));
-    assert!(!place.path("out/chart-2.dat").exists());
+    assert!(before == place.read("out/drive.dat"));
+    assert!(!place.path("out/drive-2.dat").exists());
     // A user's file of that name is left alone.
-    place.write("out/chart.dat", "mine");
+    place.write("out/drive.dat", "mine");
     place.good("");
-    assert_eq!(place.read("out/chart.dat"), b"mine");
-    assert!(place.read("out/chart-2.dat") == before);
+    assert_eq!(place.read("out/drive.dat"), b"mine");
+    assert!(place.read("out/drive-2.dat") == before);
+}
+
+#[test]
+fn built_in_light_is_a_drive_unless_another_is_named() {
+    let place = Place::new();
+    let base = "simulate --width 64 --height 40 --readouts 40";
+    for (source, words) in [
+        ("", "driving scene"),
+        ("--source drive --scene-seed 3 --lighting night", "(night)"),
+        ("--source chart", "test chart"),
+        ("--source objects --scene-seed 3", "random objects"),
+    ] {
+        let name = words.replace(['(', ')', ' '], "");
+        place.good(&format!("{base} {source} -o {name}"));
+        let light = place.json(&format!("{name}.json"))["light"]["source"].clone();
+        assert!(light.as_str().unwrap().contains(words), "{source}: {light}");
+    }
+    place.refused(&format!("{base} --source chart --lighting night -o a"), 2, &["--lighting"]);
+    place.refused(&format!("{base} --transfer srgb -o a"), 2, &["--transfer"]);
+    place.picture("grey.png", 64, 40, 128);
+    place.refused(&format!("{base} grey.png --source chart -o a"), 2, &["--source"]);
 }
 
 #[test]
 fn threads_and_backends_give_the_same_bits() {
     let place = Place::new();
-    let base = format!("simulate {SMALL} --seed 5 --camera-seed 6 --sequence 7 --clean");
+    let base = format!("simulate --source chart {SMALL} --seed 5 --camera-seed 6 --sequence 7 --clean");
     place.good(&format!("{base} -o first --threads 1 --backend reference"));
     let digest = |stem: &str| {
         let sidecar = place.json(&format!("{stem}.json"));
@@ -102,13 +123,13 @@ fn seeds_move_what_is_theirs_and_a_clean_twin_shares_the_start_phase() {
 #[test]
 fn json_is_one_object_a_line_and_people_are_told_on_standard_error() {
     let place = Place::new();
-    let ran = place.good(&format!("simulate {SMALL} -o a --json"));
+    let ran = place.good(&format!("simulate --source chart {SMALL} -o a --json"));
     let events = ran.events();
     assert_eq!(events.first().unwrap()["event"], "start");
     assert_eq!(events.last().unwrap()["event"], "done");
     assert_eq!(events.last().unwrap()["digest"], place.json("a.json")["digest"]);
     assert!(ran.stderr.contains("a.dat"));
-    let failed = place.run(&format!("simulate {SMALL} -o a --json"));
+    let failed = place.run(&format!("simulate --source chart {SMALL} -o a --json"));
     assert_eq!(failed.code, 7);
     assert_eq!(failed.events()[0]["exit_code"], 7);
 }
@@ -116,14 +137,16 @@ fn json_is_one_object_a_line_and_people_are_told_on_standard_error() {
 #[test]
 fn the_sidecar_holds_what_is_needed_to_make_the_stream_again() {
     let place = Place::new();
-    place.good(&format!("simulate {SMALL} -o a --seed 3 --exposure 20000 --effect prnu.sigma=0.03"));
+    place.good(&format!(
+        "simulate --source chart {SMALL} -o a --seed 3 --exposure 20000 --effect prnu.sigma=0.03"
+    ));
     let sidecar = place.json("a.json");
     assert_eq!(sidecar["seeds"]["shot"], 3);
     assert!((sidecar["light"]["exposure_electrons"].as_f64().unwrap() - 20_000.0).abs() < 1e-6);
     assert_eq!(sidecar["camera"]["effects"]["prnu"]["sigma"], 0.03);
     assert!(sidecar["command"].as_array().unwrap().iter().any(|a| a == "--exposure"));
     place.write("again.toml", sidecar["camera"]["toml"].as_str().unwrap());
-    place.good("simulate --preset again.toml --readouts 300 --seed 3 -o b");
+    place.good("simulate --source chart --preset again.toml --readouts 300 --seed 3 -o b");
     assert_eq!(place.json("b.json")["digest"], sidecar["digest"]);
 }
 
@@ -184,7 +207,7 @@ fn light_beyond_the_greatest_is_counted_and_told() {
 #[test]
 fn a_dry_run_tells_and_writes_nothing() {
     let place = Place::new();
-    let ran = place.good(&format!("simulate {SMALL} -o a --clean --dry-run --json"));
+    let ran = place.good(&format!("simulate --source chart {SMALL} -o a --clean --dry-run --json"));
     let told = ran.events().pop().unwrap();
     assert_eq!(told["readouts"], 300);
     assert_eq!(told["bytes"], 2 * 300 * (63_u64 * 41).div_ceil(8));

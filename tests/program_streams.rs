@@ -6,7 +6,7 @@ mod program_support;
 use program_support::Place;
 
 /// 400x250, so that every layout but one holds it.
-const CAMERA: &str = "simulate --readouts 40 -o a";
+const CAMERA: &str = "simulate --source chart --readouts 40 -o a";
 
 #[test]
 fn every_layout_converts_there_and_back() {
@@ -99,18 +99,22 @@ fn a_camera_file_with_maps_is_one_camera_wherever_its_folder_is() {
     let place = Place::new();
     let size = "--width 32 --height 24";
     place.good(&format!("preset show physical {size} --write one --maps --camera-seed 7"));
-    place.good(&format!("simulate {size} --readouts 50 --camera-seed 7 -o kind"));
+    place.good(&format!("simulate --source chart {size} --readouts 50 --camera-seed 7 -o kind"));
     std::fs::rename(place.path("one"), place.path("moved")).unwrap();
     // Its maps are its fixed pattern: the camera seed has nothing left to draw.
-    place.good("simulate --preset moved/camera.toml --camera-seed 99 --readouts 50 -o map");
+    place.good("simulate --source chart --preset moved/camera.toml --camera-seed 99 --readouts 50 -o map");
     assert!(place.read("kind.dat") == place.read("map.dat"));
     // The run keeps the camera beside its stream.
-    place.good("simulate --preset map.camera/camera.toml --readouts 50 -o again");
+    place.good("simulate --source chart --preset map.camera/camera.toml --readouts 50 -o again");
     assert!(place.read("again.dat") == place.read("map.dat"));
     let mut gain = place.read("moved/gain.npy");
     *gain.last_mut().unwrap() ^= 1;
     place.write("moved/gain.npy", gain);
-    place.refused("simulate --preset moved/camera.toml --readouts 50 -o b", 9, &["gain.npy", "blake3:"]);
+    place.refused(
+        "simulate --source chart --preset moved/camera.toml --readouts 50 -o b",
+        9,
+        &["gain.npy", "blake3:"],
+    );
 }
 
 #[test]
@@ -122,8 +126,8 @@ fn every_preset_prints_what_simulates_to_the_same_bits() {
     for name in names {
         place.write("shown.toml", place.good(&format!("preset show {name}")).stdout);
         let line = "--width 24 --height 16 --readouts 40 --force";
-        place.good(&format!("simulate --preset {name} {line} -o a"));
-        place.good(&format!("simulate --preset shown.toml {line} -o b"));
+        place.good(&format!("simulate --source chart --preset {name} {line} -o a"));
+        place.good(&format!("simulate --source chart --preset shown.toml {line} -o b"));
         assert!(place.read("a.dat") == place.read("b.dat"), "{name}");
     }
 }

@@ -1,15 +1,23 @@
 //! `spikelane dataset`.
 
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
 
 use clap::builder::PossibleValuesParser;
 use indicatif::{ProgressBar, ProgressStyle};
-use spikelane::dataset::{self, Drives, Inputs, Layout, Options, Progress, Report, Work};
+use serde_json::json;
+use spikelane::dataset::{self, Drives, Estimate, Inputs, Layout, Options, Progress, Report, Work};
 use spikelane::light::{Fit, Insertion, Transfer};
-use spikelane::scene::{Lighting, Samples};
-use spikelane::{Camera, Error, Geometry, Kind, Result, presets};
+use spikelane::scene::Lighting;
+use spikelane::{Error, Kind, Result, presets};
+
+use super::camera::Changes;
+use super::output::{Out, bytes_text};
+use super::progress::{Stop, stop_flag};
+
+/// Between two JSON events.
+const PERIOD: Duration = Duration::from_millis(500);
 
 /// Make a dataset of random driving scenes, or of all videos and image folders below a folder
 ///
@@ -23,8 +31,9 @@ pub struct Args {
     /// Convert every video and image folder below DIR instead of drawing scenes
     #[arg(long, value_name = "DIR")]
     pub from: Option<PathBuf>,
-    /// A known dataset: rhdd is 30 scenes of 500 images, one readout per image, the default
-    #[arg(long, default_value = "rhdd", value_parser = PossibleValuesParser::new(["rhdd"]), conflicts_with = "from")]
+    /// A known dataset: rhdd is 30 scenes of 500 images, tiny 2 scenes of 40, one readout per image
+    #[arg(long, value_name = "NAME", default_value = "rhdd", conflicts_with = "from",
+          value_parser = PossibleValuesParser::new(Drives::PRESETS))]
     pub preset: String,
     /// Number of scenes
     #[arg(long, value_name = "N", conflicts_with = "from", help_heading = "Scenes")]
@@ -57,11 +66,17 @@ pub struct Args {
     /// Also keep the clear images as linear float arrays
     #[arg(long, conflicts_with = "from", help_heading = "Scenes")]
     pub npy: bool,
+    /// Also write depth and flow as KITTI's 16-bit PNGs
+    #[arg(long, conflicts_with = "from", help_heading = "Scenes")]
+    pub kitti: bool,
+    /// Also write the light of labelled images in colour as EXR, in cd/m2
+    #[arg(long, conflicts_with = "from", help_heading = "Scenes")]
+    pub exr: bool,
     /// Readouts of every frame
     #[arg(long, value_name = "N", default_value_t = 20, requires = "from", help_heading = "Conversion",
           value_parser = clap::value_parser!(u64).range(1..))]
     pub readouts_per_frame: u64,
-    /// Light between two frames: hold or linear
+    /// Light between two frames: hold, linear, or flow (along an estimated motion)
     #[arg(long, default_value = "linear", requires = "from", help_heading = "Conversion")]
     pub insertion: Insertion,
     /// How frames are brought to the camera's size: resize, stretch or crop
@@ -70,21 +85,11 @@ pub struct Args {
     /// How stored values become light: linear, srgb, or an exponent
     #[arg(long, requires = "from", help_heading = "Conversion")]
     pub transfer: Option<Transfer>,
-    /// Camera model: a preset, or a camera file (.toml)
+    /// Camera: the name of a preset ('spikelane preset list'), or a camera file (.toml)
     #[arg(long, value_name = "NAME|FILE", default_value = "physical", help_heading = "Camera")]
-    pub preset_model: String,
-    /// Size and readout rate of a known camera
-    #[arg(long, value_name = "NAME", help_heading = "Camera")]
-    pub camera: Option<String>,
-    /// Width in pixels
-    #[arg(long, value_name = "PIXELS", help_heading = "Camera")]
-    pub width: Option<u32>,
-    /// Height in pixels
-    #[arg(long, value_name = "PIXELS", help_heading = "Camera")]
-    pub height: Option<u32>,
-    /// Electrons per readout at full scale [default: the model's]
-    #[arg(long, value_name = "ELECTRONS", help_heading = "Camera")]
-    pub exposure: Option<f64>,
+    pub camera: String,
+    #[command(flatten)]
+    pub changes: Changes,
     /// Seed of scenes, split and noise
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
@@ -115,51 +120,97 @@ pub struct Args {
 ///
 /// # Errors
 /// As [`dataset::make`]; [`Kind::Input`] at the end when sequences were set aside.
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &Args, out: &Out) -> Result<()> {
     let options = args.options()?;
     let estimate = dataset::estimate(&options)?;
-    eprintln!(
-        "{} sequences to make: {} readouts, about {:.2} GB{}",
-        estimate.sequences,
-        estimate.readouts,
-        estimate.bytes as f64 / 1e9,
-        if estimate.unknown > 0 {
-            format!(", and {} of unknown length", estimate.unknown)
-        } else {
-            String::new()
-        }
-    );
+    forecast(&estimate, args.dry_run, out)?;
     if args.dry_run {
         return Ok(());
     }
-    let stop = stop_flag()?;
-    let bar = ProgressBar::new(1000);
-    if let Ok(style) = ProgressStyle::with_template("{wide_bar} {msg} {percent} %, {elapsed}, {eta} left") {
-        bar.set_style(style);
+    let mut watcher = Watcher::new(out)?;
+    let report = dataset::make(&options, &mut |p| watcher.step(p));
+    watcher.bar.finish_and_clear();
+    tell(&options, &report?, out)
+}
+
+/// What it will take: the result of a dry run, else said beforehand.
+fn forecast(estimate: &Estimate, result: bool, out: &Out) -> Result<()> {
+    let unknown = match estimate.unknown {
+        0 => String::new(),
+        n => format!(", and {n} of unknown length"),
+    };
+    let text = format!(
+        "{} sequences to make: {} readouts, about {}{unknown}",
+        estimate.sequences,
+        estimate.readouts,
+        bytes_text(estimate.bytes)
+    );
+    let event = json!({
+        "event": "estimate", "sequences": estimate.sequences, "readouts": estimate.readouts,
+        "bytes": estimate.bytes, "unknown": estimate.unknown,
+    });
+    if result {
+        return out.result(&event, &format!("{text}\n"));
     }
-    let mut watch = |p: Progress<'_>| {
-        if stop.load(Ordering::Relaxed) {
+    out.say(text);
+    out.event(&event)
+}
+
+/// A bar over all sequences on a terminal, events when asked for JSON.
+struct Watcher {
+    out: Out,
+    stop: Stop,
+    bar: ProgressBar,
+    said: Instant,
+}
+
+impl Watcher {
+    fn new(out: &Out) -> Result<Self> {
+        let bar = ProgressBar::new(1000);
+        if let Ok(style) = ProgressStyle::with_template("{wide_bar} {msg} {percent} %, {elapsed}, {eta} left")
+        {
+            bar.set_style(style);
+        }
+        Ok(Self { out: *out, stop: stop_flag()?, bar, said: Instant::now() })
+    }
+
+    fn step(&mut self, p: Progress<'_>) -> Result<()> {
+        if self.stop.load(Ordering::Relaxed) {
             return Err(Error::new(Kind::Interrupted, "stopped on request")
                 .remedy("finished sequences are kept; go on with --resume"));
         }
         let inside = p.total.map_or(0.0, |n| p.readouts as f64 / n.max(1) as f64);
-        bar.set_position(((p.index as f64 + inside) / p.of as f64 * 1000.0) as u64);
-        bar.set_message(format!("{} {}/{}", if p.verifying { "verify" } else { p.id }, p.index + 1, p.of));
-        Ok(())
-    };
-    let report = dataset::make(&options, &mut watch);
-    bar.finish_and_clear();
-    tell(&options, &report?)
+        self.bar.set_position(((p.index as f64 + inside) / p.of as f64 * 1000.0) as u64);
+        let what = if p.verifying { "verify" } else { p.id };
+        self.bar.set_message(format!("{what} {}/{}", p.index + 1, p.of));
+        if self.said.elapsed() < PERIOD {
+            return Ok(());
+        }
+        self.said = Instant::now();
+        self.out.event(&json!({
+            "event": "progress", "sequence": p.id, "index": p.index, "of": p.of, "readouts": p.readouts,
+            "total": p.total, "verifying": p.verifying,
+        }))
+    }
 }
 
-fn tell(options: &Options, report: &Report) -> Result<()> {
-    println!(
-        "{}: {} made, {} verified, {} set aside",
-        options.output.display(),
-        report.made,
-        report.verified,
-        report.failed
-    );
+fn tell(options: &Options, report: &Report, out: &Out) -> Result<()> {
+    let place = options.output.display();
+    let text =
+        format!("{place}: {} made, {} verified, {} set aside\n", report.made, report.verified, report.failed);
+    let event = json!({
+        "event": "done", "output": place.to_string(), "made": report.made, "verified": report.verified,
+        "failed": report.failed, "too_fast": report.too_fast, "needed_readout_hz": report.needed_readout_hz,
+    });
+    out.result(&event, &text)?;
+    if report.too_fast > 0 {
+        out.say(format_args!(
+            "warning: {} of the scenes made move by more than half a pixel from one readout to the next; \
+             every readout was then drawn anew, which is slow but exact. From {} readouts a second \
+             (--readout-hz) they would not, nor with a smaller picture or a lower --speed-kmh",
+            report.too_fast, report.needed_readout_hz
+        ));
+    }
     if report.failed == 0 {
         return Ok(());
     }
@@ -169,21 +220,13 @@ fn tell(options: &Options, report: &Report) -> Result<()> {
         .remedy("the manifest says why; mend the inputs and go on with --resume"))
 }
 
-fn stop_flag() -> Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let raised = Arc::clone(&stop);
-    ctrlc::set_handler(move || raised.store(true, Ordering::Relaxed))
-        .map_err(|e| Error::new(Kind::Io, "signal handler").found(e))?;
-    Ok(stop)
-}
-
 impl Args {
     fn options(&self) -> Result<Options> {
         let cpus = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         Ok(Options {
             output: self.output.clone(),
             work: self.work(),
-            camera: self.model()?,
+            camera: self.changes.apply(presets::load(&self.camera)?)?,
             seed: self.seed,
             camera_seed: self.camera_seed,
             layout: self.layout,
@@ -204,38 +247,21 @@ impl Args {
                 transfer: self.transfer,
             });
         }
-        let rhdd = Drives::rhdd();
+        let known = Drives::preset(&self.preset).unwrap_or_else(Drives::rhdd);
         Work::Drives(Drives {
-            sequences: self.sequences.unwrap_or(rhdd.sequences),
-            images: self.images.unwrap_or(rhdd.images),
-            readouts_per_image: self.readouts_per_image.unwrap_or(rhdd.readouts_per_image),
-            label_every: self.label_every.unwrap_or(rhdd.label_every),
+            sequences: self.sequences.unwrap_or(known.sequences),
+            images: self.images.unwrap_or(known.images),
+            readouts_per_image: self.readouts_per_image.unwrap_or(known.readouts_per_image),
+            label_every: self.label_every.unwrap_or(known.label_every),
             lighting: self.lighting.as_deref().and_then(Lighting::from_name),
             flicker_hz: self.flicker_hz,
             vehicles: self.vehicles,
             speed_kmh: self.speed_kmh,
             white_cd_m2: self.white,
-            samples: Samples::Four,
             npy: self.npy,
+            kitti: self.kitti,
+            exr: self.exr,
+            ..known
         })
-    }
-
-    fn model(&self) -> Result<Camera> {
-        let mut camera = presets::load(&self.preset_model)?;
-        let size = camera.sensor.geometry;
-        let (mut width, mut height) = (size.width() as u32, size.height() as u32);
-        if let Some(name) = &self.camera {
-            let known = presets::FORMATS.iter().find(|f| f.name == name).ok_or_else(|| {
-                let names: Vec<_> = presets::FORMATS.iter().map(|f| f.name).collect();
-                Error::new(Kind::Usage, "camera").found(name).expected(names.join(", "))
-            })?;
-            ((width, height), camera.sensor.readout_hz) = (known.size, known.readout_hz);
-        }
-        camera.sensor.geometry = Geometry::new(self.width.unwrap_or(width), self.height.unwrap_or(height))?;
-        if let Some(electrons) = self.exposure {
-            camera.sensor.thresholds_at_full_scale = electrons / camera.operating(0.0).electrons;
-        }
-        camera.sensor.validated()?;
-        Ok(camera)
     }
 }

@@ -1,4 +1,4 @@
-//! The program without arguments: the test chart into ./out.
+//! The program without arguments: a driving scene into ./out.
 
 use std::path::{Path, PathBuf};
 
@@ -21,7 +21,7 @@ pub fn run(out: &Out) -> Result<()> {
     let (stem, again) = stem()?;
     let args = Args { force: again, ..arguments(&stem)? };
     out.say(format_args!(
-        "Simulating the built-in test chart with the preset 'physical' (400x250, 20 kHz), noisy and clean."
+        "Drawing a driving scene and simulating it with the preset 'physical' (400x250, 20 kHz), noisy and clean."
     ));
     simulate(&args, out)?;
     out.say("Next: 'spikelane --help', or docs/first-steps.md");
@@ -38,13 +38,13 @@ fn arguments(stem: &Path) -> Result<Args> {
     }
 }
 
-/// `out/chart`, or the next free name; and whether its files may be replaced.
+/// `out/drive`, or the next free name; and whether its files may be replaced.
 ///
 /// They may when they are this very job's: made without arguments, and not changed since. The same
 /// version then writes the same bytes, so nothing is lost.
 fn stem() -> Result<(PathBuf, bool)> {
     for i in 1..=MOST {
-        let stem = Path::new(FOLDER).join(if i == 1 { "chart".into() } else { format!("chart-{i}") });
+        let stem = Path::new(FOLDER).join(if i == 1 { "drive".into() } else { format!("drive-{i}") });
         let names = Names::new(&stem, Layout::Dat);
         let taken = names.files(true).into_iter().any(|path| path.symlink_metadata().is_ok());
         if !taken {
@@ -55,7 +55,7 @@ fn stem() -> Result<(PathBuf, bool)> {
         }
     }
     Err(Error::new(Kind::Exists, FOLDER)
-        .found(format_args!("{MOST} charts"))
+        .found(format_args!("{MOST} drives"))
         .expected("a free name")
         .remedy("clear the folder"))
 }

@@ -2,8 +2,14 @@
 
 use std::path::PathBuf;
 
+use clap::ValueEnum;
+use clap::builder::PossibleValuesParser;
+use spikelane::dataset::Drive;
 use spikelane::light::open;
-use spikelane::light::{Chart, Fit, Insertion, Motion, Moving, Options, Rate, Source, Timeline, Transfer};
+use spikelane::light::{
+    Chart, Fit, Insertion, Motion, Moving, Objects, Options, Rate, Source, Timeline, Transfer,
+};
+use spikelane::scene::{self, Lighting, Scene, SceneOptions};
 use spikelane::simulate::LightFacts;
 use spikelane::{Camera, Error, Kind, Result};
 
@@ -16,11 +22,47 @@ const FRAMES_PER_S: u64 = 1000;
 /// Readouts of the chart when nobody says otherwise: a fifth of a second at 20 kHz.
 const CHART_READOUTS: u64 = 4000;
 
+/// Frames per second of a drive when nobody says otherwise: every tenth readout at 20 kHz. Most of
+/// the street moves less than half a pixel from one to the next; a frame takes some 40 ms to draw.
+const DRIVE_FRAMES_PER_S: u64 = 2000;
+
+/// Readouts of a drive when nobody says otherwise: a fortieth of a second at 20 kHz.
+const DRIVE_READOUTS: u64 = 500;
+
+/// The scene that is drawn when nobody names one.
+const DEFAULT_SCENE: u64 = 11;
+const DEFAULT_LIGHTING: Lighting = Lighting::Noon;
+
+/// Objects before the backdrop.
+const OBJECTS: u32 = 12;
+
+/// Light that needs no input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum BuiltIn {
+    /// A random driving scene.
+    Drive,
+    /// The moving test chart.
+    Chart,
+    /// Random flat objects over a backdrop.
+    Objects,
+}
+
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct LightArgs {
     /// Folder of images, image, video, .npy, .npz, .y4m, or - for y4m or npy on standard input;
-    /// the built-in test chart if left out
+    /// a driving scene if left out
     pub input: Option<PathBuf>,
+    /// Built-in light: a random driving scene, the moving test chart, or random objects over a backdrop
+    /// [default: drive]
+    #[arg(long, value_name = "SOURCE", conflicts_with = "input", help_heading = "Light")]
+    pub source: Option<BuiltIn>,
+    /// Seed of the driving scene, or of the objects [default: 11]
+    #[arg(long, value_name = "N", conflicts_with = "input", help_heading = "Light")]
+    pub scene_seed: Option<u64>,
+    /// Lighting of the driving scene [default: drawn by its seed; noon for the default seed]
+    #[arg(long, conflicts_with = "input", help_heading = "Light",
+          value_parser = PossibleValuesParser::new(Lighting::ALL.map(Lighting::name)))]
+    pub lighting: Option<String>,
     /// The most readouts; by default the stream ends with the input
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Light")]
     pub readouts: Option<u64>,
@@ -31,7 +73,7 @@ pub struct LightArgs {
     /// Frames of the input per second, such as 25 or 30000/1001 [default: what the input states]
     #[arg(long, value_name = "HZ", help_heading = "Light")]
     pub source_hz: Option<Rate>,
-    /// What the light does between two frames: hold or linear
+    /// What the light does between two frames: hold, linear, or flow (along an estimated motion)
     #[arg(long, value_name = "RULE", default_value = "hold", help_heading = "Light")]
     pub insertion: Insertion,
     /// How stored values become light: linear, srgb, or an exponent such as 2.2 [default: srgb for
@@ -62,7 +104,11 @@ impl LightArgs {
     pub fn open(&self, camera: &Camera) -> Result<Light> {
         let readout = exact_rate(camera.sensor.readout_hz)?;
         if self.input.is_none() {
-            return self.chart(camera, readout);
+            return match self.source {
+                Some(BuiltIn::Chart) => self.chart(camera, readout),
+                Some(BuiltIn::Objects) => self.objects(camera, readout),
+                Some(BuiltIn::Drive) | None => self.drive(camera, readout),
+            };
         }
         if self.motion.is_some() {
             return self.moving(camera, readout);
@@ -94,7 +140,7 @@ impl LightArgs {
     }
 
     /// Rate and timeline of light that is drawn at any rate.
-    fn drawn(&self, readout: Rate) -> Result<(Rate, Timeline)> {
+    fn drawn(&self, readout: Rate, frames_per_s: u64) -> Result<(Rate, Timeline)> {
         if let Some(n) = self.readouts_per_frame {
             let (num, den) = readout.parts();
             let rate = Rate::new(num, den.saturating_mul(n))?;
@@ -102,25 +148,68 @@ impl LightArgs {
         }
         let rate = match self.source_hz {
             Some(rate) => rate,
-            None => Rate::new(FRAMES_PER_S, 1)?,
+            None => Rate::new(frames_per_s, 1)?,
         };
         Ok((rate, Timeline::rates(rate, readout, self.insertion)?))
     }
 
     /// Frames that `readouts` readouts see, and the one behind them for linear insertion.
     fn frames(&self, timeline: &Timeline, readouts: u64) -> u64 {
-        timeline.at(readouts - 1).frame + 1 + u64::from(self.insertion == Insertion::Linear)
+        timeline.at(readouts - 1).frame + 1 + u64::from(self.insertion != Insertion::Hold)
     }
 
-    fn chart(&self, camera: &Camera, readout: Rate) -> Result<Light> {
-        let unused = [("--transfer", self.transfer.is_some()), ("--motion", self.motion.is_some())];
+    /// Refuses flags that would change nothing.
+    fn built_in(&self, scene: bool) -> Result<()> {
+        let unused = [
+            ("--transfer", self.transfer.is_some()),
+            ("--motion", self.motion.is_some()),
+            ("--scene-seed", self.scene_seed.is_some() && !scene),
+            ("--lighting", self.lighting.is_some() && !scene),
+        ];
         if let Some((flag, _)) = unused.iter().find(|(_, given)| *given) {
             return Err(Error::new(Kind::Usage, flag)
                 .found("no input that it could apply to")
-                .expected("an image or video before it")
-                .remedy("the test chart is linear light with a motion of its own"));
+                .expected(if scene { "an image or video" } else { "--source drive" })
+                .remedy("leave it out; built-in light is linear and has a motion of its own"));
         }
-        let (rate, timeline) = self.drawn(readout)?;
+        Ok(())
+    }
+
+    fn drive(&self, camera: &Camera, readout: Rate) -> Result<Light> {
+        self.built_in(true)?;
+        let (rate, timeline) = self.drawn(readout, DRIVE_FRAMES_PER_S)?;
+        let readouts = self.readouts.unwrap_or(DRIVE_READOUTS);
+        let frames = self.frames(&timeline, readouts);
+        let named = self.lighting.as_deref().and_then(Lighting::from_name);
+        let options = SceneOptions {
+            width: camera.sensor.geometry.width() as u32,
+            height: camera.sensor.geometry.height() as u32,
+            lighting: named.or(self.scene_seed.is_none().then_some(DEFAULT_LIGHTING)),
+            duration_s: (frames as f64 / rate.hz()).max(2e-3),
+            ..SceneOptions::default()
+        };
+        let scene = Scene::random(self.scene_seed.unwrap_or(DEFAULT_SCENE), &options)?;
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        let drive = Drive::new(scene, rate, frames, None, scene::Samples::Four, threads)?;
+        Ok(Light { source: Box::new(drive), timeline, readouts: Some(readouts), rate: Some(rate) })
+    }
+
+    fn objects(&self, camera: &Camera, readout: Rate) -> Result<Light> {
+        if self.lighting.is_some() {
+            self.built_in(false)?;
+        }
+        self.built_in(true)?;
+        let (rate, timeline) = self.drawn(readout, FRAMES_PER_S)?;
+        let readouts = self.readouts.unwrap_or(CHART_READOUTS);
+        let frames = self.frames(&timeline, readouts);
+        let seed = self.scene_seed.unwrap_or(DEFAULT_SCENE);
+        let source = Objects::new(camera.sensor.geometry, rate, frames, seed, OBJECTS)?;
+        Ok(Light { source: Box::new(source), timeline, readouts: Some(readouts), rate: Some(rate) })
+    }
+
+    fn chart(&self, camera: &Camera, readout: Rate) -> Result<Light> {
+        self.built_in(false)?;
+        let (rate, timeline) = self.drawn(readout, FRAMES_PER_S)?;
         let readouts = self.readouts.unwrap_or(CHART_READOUTS);
         let frames = self.frames(&timeline, readouts);
         let source = Box::new(Chart::new(camera.sensor.geometry, rate, Some(frames))?);
@@ -136,7 +225,7 @@ impl LightArgs {
                 .expected("how long the camera moves")
                 .remedy("give --readouts"));
         };
-        let (rate, timeline) = self.drawn(readout)?;
+        let (rate, timeline) = self.drawn(readout, FRAMES_PER_S)?;
         let frames = self.frames(&timeline, readouts);
         let source = open(&path, &self.options(camera, Some(Moving { motion, rate, frames })))?;
         Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate) })
@@ -153,8 +242,7 @@ fn no_rate(about: &str) -> Error {
 impl Light {
     /// For the sidecar; what only the run can tell is filled in afterwards.
     pub fn facts(&self, args: &LightArgs, camera: &Camera) -> LightFacts {
-        let chart = args.input.is_none();
-        let by_default = if chart { "linear" } else { "default" };
+        let by_default = if args.input.is_none() { "linear" } else { "default" };
         let insertion = format!("{:?}", self.timeline.insertion()).to_lowercase();
         let per_frame = (self.timeline != Timeline::still()).then(|| self.per_frame(args, camera));
         LightFacts {

@@ -5,8 +5,11 @@ use std::path::PathBuf;
 use clap::Args as ClapArgs;
 use serde_json::json;
 use spikelane::error::{Error, Kind, Result};
-use spikelane::measure::{Estimate, Named, Options, Summary, high_pass, list, of_stream, summarise};
+use spikelane::measure::{
+    Estimate, Line, Named, Options, Statistics, Summary, high_pass, list, of_stream, spectrum, summarise,
+};
 use spikelane::report::{Curve, Part, Table, bars, heat_map, page};
+use spikelane::simulate::Sidecar;
 
 use super::output::Out;
 use super::progress::Files;
@@ -27,6 +30,9 @@ pub struct Args {
     force: bool,
 }
 
+/// How far a line exceeds what is around it: far outside chance ([`spikelane::measure::Spectrum::lines`]).
+const LINE: f64 = 30.0;
+
 /// Runs the command.
 ///
 /// # Errors
@@ -44,7 +50,11 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     result["event"] = json!("done");
     let all = list(&statistics)?;
     result["statistics"] = serde_json::to_value(&all).map_err(wrong)?;
-    let rows = rows(&summary, &all);
+    let lines = lines(&statistics)?;
+    result["frame_total_lines"] = serde_json::to_value(&lines).map_err(wrong)?;
+    let hz = Sidecar::beside(&args.file).ok().flatten().and_then(|(_, sidecar)| sidecar.readout_hz);
+    let mut rows = rows(&summary, &all);
+    rows.extend(lines.iter().map(|l| ("line in the spectrum of frame totals".to_owned(), told(l, hz))));
     let text: String = rows.iter().map(|(name, value)| format!("{name:<52} {value}\n")).collect();
     out.result(&result, &text)?;
     let Some(path) = &args.report else { return Ok(()) };
@@ -73,6 +83,25 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     }
     let title = format!("Measured: {}", args.file.display());
     spikelane::storage::write_small(path, page(&title, &parts)?.as_bytes(), args.force)
+}
+
+/// The three strongest lines of the frame totals' spectrum: what the light, or the supply, does at one
+/// frequency.
+fn lines(statistics: &Statistics) -> Result<Vec<Line>> {
+    let Some(frames) = &statistics.frames else { return Ok(Vec::new()) };
+    // Several segments make lines of chance rare; short recordings have too little for any.
+    let segment = (frames.totals.len() / 4).min(8192) & !1;
+    if segment < 64 {
+        return Ok(Vec::new());
+    }
+    let mut lines = spectrum(&frames.totals, segment)?.lines(LINE);
+    lines.truncate(3);
+    Ok(lines)
+}
+
+fn told(line: &Line, readout_hz: Option<f64>) -> String {
+    let hz = readout_hz.map_or(String::new(), |hz| format!(" ({:.1} Hz)", hz * line.frequency));
+    format!("{:.5} cycles per readout{hz}, {:.0} times what is around it", line.frequency, line.prominence)
 }
 
 fn rows(s: &Summary, all: &[Named]) -> Vec<(String, String)> {

@@ -8,6 +8,7 @@ mod completions;
 mod convert;
 mod dataset;
 mod effects;
+mod evaluate;
 mod first_run;
 mod inspect;
 mod light;
@@ -24,6 +25,7 @@ mod scene;
 mod simulate;
 mod stream;
 mod verify;
+mod video;
 
 use std::process::ExitCode;
 
@@ -34,7 +36,7 @@ use output::Out;
 
 /// Simulate spike cameras: light in, bit-packed spike streams out.
 ///
-/// Without a command it simulates the built-in test chart into ./out and says what it did.
+/// Without a command it draws a driving scene, simulates it into ./out and says what it did.
 /// Exit codes: 0 done, 2 usage, 3 camera or preset, 4 input, 5 system, 6 no space,
 /// 7 output exists, 8 ffmpeg, 9 digest does not match, 130 interrupted.
 #[derive(Parser)]
@@ -54,6 +56,7 @@ enum Command {
     Convert(convert::Args),
     Verify(verify::Args),
     Reconstruct(reconstruct::Args),
+    Evaluate(evaluate::Args),
     Preset(preset::Args),
     Effects(effects::Args),
     Measure(measure::Args),
@@ -61,7 +64,7 @@ enum Command {
     Compare(compare::Args),
     Record(record::Args),
     Scene(scene::Args),
-    Dataset(dataset::Args),
+    Dataset(Box<dataset::Args>),
     Bench(bench::BenchArgs),
     Completions(completions::Args),
     Man(man::Args),
@@ -88,14 +91,15 @@ fn dispatch(command: Option<Command>, out: &Out) -> Result<()> {
         Some(Command::Convert(args)) => convert::run(&args, out),
         Some(Command::Verify(args)) => verify::run(&args, out),
         Some(Command::Reconstruct(args)) => reconstruct::run(&args, out),
+        Some(Command::Evaluate(args)) => evaluate::run(&args, out),
         Some(Command::Preset(args)) => preset::run(&args, out),
         Some(Command::Effects(args)) => effects::run(&args, out),
         Some(Command::Measure(args)) => measure::run(&args, out),
         Some(Command::Calibrate(args)) => calibrate::run(&args, out),
         Some(Command::Compare(args)) => compare::run(&args, out),
         Some(Command::Record(args)) => record::run(&args, out),
-        Some(Command::Scene(args)) => scene::run(&args),
-        Some(Command::Dataset(args)) => dataset::run(&args),
+        Some(Command::Scene(args)) => scene::run(&args, out),
+        Some(Command::Dataset(args)) => dataset::run(&args, out),
         Some(Command::Bench(args)) => bench::run(&args, out.json()),
         Some(Command::Completions(args)) => completions::run(&args, out),
         Some(Command::Man(args)) => man::run(&args, out),

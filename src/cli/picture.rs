@@ -4,6 +4,7 @@ use std::io::Cursor;
 
 use image::{GrayImage, ImageFormat, Luma, imageops};
 use spikelane::formats::Reader;
+use spikelane::light::srgb_code;
 use spikelane::reconstruct::{tfi, tfp};
 use spikelane::simulate::Glance;
 use spikelane::spikes::{Packed, bit};
@@ -26,11 +27,7 @@ const LETTERS: u8 = 220;
 
 /// Linear values as 8-bit sRGB, `white` and above being white.
 pub fn grey(values: &[f32], white: f32, geometry: Geometry) -> GrayImage {
-    let level = |v: f32| {
-        let x = (v / white).clamp(0.0, 1.0);
-        let code = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-        (code * 255.0 + 0.5) as u8
-    };
+    let level = |v: f32| (srgb_code(v / white) * 255.0 + 0.5) as u8;
     from_levels(values.iter().map(|&v| level(v)), geometry)
 }
 

@@ -13,9 +13,9 @@ use super::output::Out;
 use super::picture::{around, bright, grey, png};
 use super::progress::{Progress, stop_flag};
 use super::stream::StreamArgs;
+use super::video::{Pictures, Video};
 
 mod array;
-mod video;
 
 /// Make pictures of spikes
 ///
@@ -145,7 +145,11 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         Target::Png => Box::new(One { path: args.output.clone(), force: args.force, shown }),
         Target::Folder => Box::new(Folder::new(args, shown)?),
         Target::Npy => Box::new(array::Npy::new(args, reader.geometry(), moments.len(), many)?),
-        Target::Video => Box::new(video::Video::new(args, shown)?),
+        Target::Video => {
+            let pictures = Pictures::Grey(reader.geometry());
+            let video = Video::start(&args.output, pictures, f64::from(args.fps), args.force)?;
+            Box::new(Film { video, shown })
+        }
     };
     let mut progress = Progress::new(out, stop_flag()?);
     for (i, &at) in moments.iter().enumerate() {
@@ -193,6 +197,21 @@ impl Sink for One {
 
     fn finish(self: Box<Self>) -> Result<()> {
         Ok(())
+    }
+}
+
+struct Film {
+    video: Video,
+    shown: Shown,
+}
+
+impl Sink for Film {
+    fn put(&mut self, _: usize, values: &[f32]) -> Result<()> {
+        self.video.push(self.shown.image(values).as_raw())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        self.video.finish()
     }
 }
 

@@ -1,16 +1,20 @@
 //! `spikelane scene`.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::path::PathBuf;
 
 use clap::builder::PossibleValuesParser;
+use serde_json::json;
 use spikelane::scene::{Lighting, Rendered, Samples, Scene, SceneOptions, labels};
 use spikelane::{Error, Kind, Result, storage};
 
+use super::output::Out;
+use super::progress::{Progress, stop_flag};
+use super::video::{Pictures, Video};
+
 /// Draw a random driving scene and its labels as pictures
 ///
-/// Writes NNNN.light.png, .depth.png, .flow.png, .semantic.png, .instance.png and .boxes.json for every frame.
+/// Writes NNNN.light.png, .depth.png, .flow.png, .semantic.png, .instance.png,
+/// .boxes.png, .boxes.json (COCO) and .boxes.txt (KITTI) for every frame.
 #[derive(clap::Args, Clone, Debug)]
 pub struct Args {
     /// Folder to write to; made if missing
@@ -52,7 +56,7 @@ pub struct Args {
 ///
 /// # Errors
 /// When the scene is impossible, a file exists, or ffmpeg is missing.
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &Args, out: &Out) -> Result<()> {
     if !(args.rate.is_finite() && args.rate > 0.0) {
         return Err(Error::new(Kind::Usage, "frame rate").found(args.rate).expected("a positive number"));
     }
@@ -67,21 +71,34 @@ pub fn run(args: &Args) -> Result<()> {
     };
     let scene = Scene::random(args.seed, &options)?;
     std::fs::create_dir_all(&args.output).map_err(|e| Error::io(args.output.display(), e))?;
-    let mut video = if args.video { Some(Video::start(&args.output, args)?) } else { None };
+    let mut video = if args.video {
+        let path = args.output.join("scene.mp4");
+        Some(Video::start(&path, Pictures::Png, args.rate, args.force)?)
+    } else {
+        None
+    };
     let samples = if args.samples == "16" { Samples::Sixteen } else { Samples::Four };
+    let mut progress = Progress::new(out, stop_flag()?);
     for i in 0..args.frames {
+        progress.step(i.into(), Some(args.frames.into()))?;
         let t = f64::from(i) / args.rate;
         let frame = scene.render(t, samples, threads)?;
         let light = pictures(args, &scene, &frame, i, threads)?;
         if let Some(video) = &mut video {
-            video.push(&light)?;
+            video.push(&light).map_err(|e| progress.cause(e))?;
         }
     }
     if let Some(video) = video {
         video.finish()?;
     }
-    println!(
-        "{}: {} frame(s) of scene {}, {}, {} vehicles, white at {} cd/m2",
+    drop(progress);
+    let event = json!({
+        "event": "done", "output": args.output.display().to_string(), "frames": args.frames,
+        "seed": scene.seed(), "lighting": scene.lighting().name(), "vehicles": scene.vehicles(),
+        "white_cd_m2": scene.white_cd_m2(),
+    });
+    let text = format!(
+        "{}: {} frame(s) of scene {}, {}, {} vehicles, white at {} cd/m2\n",
         args.output.display(),
         args.frames,
         scene.seed(),
@@ -89,7 +106,7 @@ pub fn run(args: &Args) -> Result<()> {
         scene.vehicles(),
         scene.white_cd_m2()
     );
-    Ok(())
+    out.result(&event, &text)
 }
 
 /// Writes everything about one frame; returns the picture of its light.
@@ -107,71 +124,10 @@ fn pictures(args: &Args, scene: &Scene, frame: &Rendered, i: u32, threads: usize
     let flow = scene.flow(&frame.labels, &later, threads)?;
     write("flow.png", &labels::flow_picture(&flow, 0.05 * args.width as f32)?)?;
     let boxes = scene.boxes(&frame.labels)?;
+    write("boxes.png", &labels::boxes_picture(frame, scene.white_cd_m2(), &boxes)?)?;
     let mut coco = labels::Coco::default();
     coco.add(&format!("{i:04}.light.png"), u64::from(i), &frame.labels, &boxes);
     write("boxes.json", coco.json().to_string().as_bytes())?;
     write("boxes.txt", labels::kitti_text(&boxes, 1).as_bytes())?;
     Ok(light)
-}
-
-/// The user's ffmpeg, fed with pictures.
-struct Video {
-    child: Child,
-    hidden: PathBuf,
-    path: PathBuf,
-}
-
-impl Video {
-    fn start(folder: &Path, args: &Args) -> Result<Self> {
-        let (path, hidden) = (folder.join("scene.mp4"), folder.join(".scene.partial.mp4"));
-        if path.exists() && !args.force {
-            return Err(Error::new(Kind::Exists, path.display())
-                .found("a file")
-                .remedy("allow overwriting (--force)"));
-        }
-        let child = Command::new("ffmpeg")
-            .args([
-                "-v",
-                "error",
-                "-y",
-                "-f",
-                "image2pipe",
-                "-c:v",
-                "png",
-                "-framerate",
-                &args.rate.to_string(),
-            ])
-            .args(["-i", "-", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"])
-            .arg(&hidden)
-            .stdin(Stdio::piped())
-            .spawn()
-            .map_err(|e| {
-                Error::new(Kind::Tool, "ffmpeg").found(e).remedy("install it, or leave --video out")
-            })?;
-        Ok(Self { child, hidden, path })
-    }
-
-    fn push(&mut self, png: &[u8]) -> Result<()> {
-        let pipe =
-            self.child.stdin.as_mut().ok_or_else(|| Error::new(Kind::Tool, "ffmpeg").found("no pipe"))?;
-        pipe.write_all(png).map_err(|e| Error::new(Kind::Tool, "ffmpeg").found(e))
-    }
-
-    fn finish(mut self) -> Result<()> {
-        drop(self.child.stdin.take());
-        let status = self.child.wait().map_err(|e| Error::io("waiting for ffmpeg", e))?;
-        if !status.success() {
-            return Err(Error::new(Kind::Tool, "ffmpeg").found(status).expected("success"));
-        }
-        std::fs::rename(&self.hidden, &self.path).map_err(|e| Error::io(self.path.display(), e))
-    }
-}
-
-impl Drop for Video {
-    fn drop(&mut self) {
-        // Over already when all went well.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-        let _ = std::fs::remove_file(&self.hidden);
-    }
 }

@@ -219,8 +219,11 @@ fn picture(args: &Args, job: &Run, outcome: &Outcome, layout: Layout, names: &Na
 fn report(job: &Run, o: &Outcome, sidecar: &Sidecar, names: &Names, seconds: f64, out: &Out) -> Result<()> {
     let streams = 1 + u64::from(o.clean.is_some());
     let pixels = job.camera.sensor.geometry.pixels() as f64 * o.readouts as f64;
-    let speed = pixels * streams as f64 / seconds / 1e9;
-    let real_time = o.readouts as f64 / job.camera.sensor.readout_hz / seconds;
+    // How fast the simulation is, not how slow the light.
+    let waited = o.waited.as_secs_f64();
+    let busy = (seconds - waited).max(1e-9);
+    let speed = pixels * streams as f64 / busy / 1e9;
+    let real_time = o.readouts as f64 / job.camera.sensor.readout_hz / busy;
     let line = |what: &str, w: &Written, rate: f64| {
         format!("{what}  {}  {}, mean rate {rate:.4}", w.path.display(), bytes_text(w.bytes))
     };
@@ -230,7 +233,8 @@ fn report(job: &Run, o: &Outcome, sidecar: &Sidecar, names: &Names, seconds: f64
     }
     out.say(format_args!("sidecar  {}\npicture  {}", names.sidecar.display(), names.picture.display()));
     out.say(format_args!(
-        "{} readouts of {} in {seconds:.2} s: {speed:.2} Gpixel-readouts/s, {real_time:.2} x real time \
+        "{} readouts of {} in {seconds:.2} s, {waited:.2} s of it waiting for light; otherwise \
+         {speed:.2} Gpixel-readouts/s, {real_time:.2} x real time \
          ({}, {} {}, {streams} {}; {:.2} s of it to bring the files to the disk)",
         o.readouts,
         job.camera.sensor.geometry,
@@ -252,6 +256,7 @@ fn report(job: &Run, o: &Outcome, sidecar: &Sidecar, names: &Names, seconds: f64
     out.event(&json!({
         "event": "done", "readouts": o.readouts, "seconds": seconds,
         "simulation_seconds": o.simulated.as_secs_f64(), "sync_seconds": o.synced.as_secs_f64(),
+        "light_seconds": waited,
         "gigapixel_readouts_per_second": speed, "times_real_time": real_time,
         "noisy": names.noisy.display().to_string(), "digest": o.noisy.digest,
         "clean": o.clean.as_ref().map(|c| c.path.display().to_string()),

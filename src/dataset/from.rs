@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use crate::draws::Stream;
 use crate::error::{Error, Kind, Result};
 use crate::light::picture;
+use crate::storage::Digest;
 
 /// Endings of files that hold many frames.
 const MOVING: [&str; 19] = [
@@ -80,6 +81,26 @@ fn search(
         found.insert(below(root, folder), Some(pictures));
     }
     Ok(())
+}
+
+/// Digest of an input: of a file its bytes, of a folder the names and digests of its images.
+///
+/// # Errors
+/// [`Kind::Io`] when it cannot be read.
+pub(super) fn digest(path: &Path) -> Result<String> {
+    if !path.is_dir() {
+        return Digest::of_file(path);
+    }
+    let mut lines = Vec::new();
+    for entry in fs::read_dir(path).map_err(|e| Error::io(path.display(), e))? {
+        let image = entry.map_err(|e| Error::io(path.display(), e))?.path();
+        if image.is_file() && picture::is_picture(&image) {
+            let name = image.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            lines.push(format!("{name} {}\n", Digest::of_file(&image)?));
+        }
+    }
+    lines.sort();
+    Ok(Digest::of(lines.concat().as_bytes()))
 }
 
 fn below(root: &Path, path: &Path) -> PathBuf {

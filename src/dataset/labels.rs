@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use crate::error::{Error, Kind, Result};
-use crate::scene::{Camera, Flow, KeyPlan, Labels, Scene, VehicleBox, labels};
+use crate::scene::{Camera, Flow, KeyPlan, Labels, Samples, Scene, VehicleBox, labels};
 
 /// Writes a file into a folder that gets its name only when it is complete.
 pub(super) fn write(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
@@ -14,34 +14,46 @@ pub(super) fn write(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
     fs::write(&path, bytes).map_err(|e| Error::io(path.display(), e))
 }
 
-/// Writes labels of every `every`th readout into `folder`; returns the labelled readouts.
+/// Which labels are written, and how.
+pub(super) struct Wanted {
+    /// Readouts from one labelled readout to the next.
+    pub every: usize,
+    /// Also KITTI's 16-bit PNGs.
+    pub kitti: bool,
+    /// Also the light in colour, with this many samples of a pixel.
+    pub exr: Option<Samples>,
+    pub threads: usize,
+}
+
+/// Writes the labels into `folder`; returns the labelled readouts.
 ///
 /// Flow leads to the next labelled readout (forward) and to the previous one (backward).
 pub(super) fn write_all(
     scene: &Scene,
     plan: &KeyPlan,
-    every: usize,
+    wanted: &Wanted,
     folder: &Path,
-    threads: usize,
     watch: &mut dyn FnMut() -> Result<()>,
 ) -> Result<Vec<usize>> {
     fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
-    let readouts: Vec<usize> = (0..plan.readouts.len()).step_by(every).collect();
+    let threads = wanted.threads;
+    let readouts: Vec<usize> = (0..plan.readouts.len()).step_by(wanted.every).collect();
     let mut coco = labels::Coco::default();
     let mut frames = Vec::new();
     let mut before: Option<(usize, Labels)> = None;
     for &readout in &readouts {
         watch()?;
-        let now = scene.labels(plan.readouts[readout], threads)?;
-        let boxes = scene.boxes(&now)?;
         let stem = format!("{readout:06}");
-        maps(folder, &stem, &now)?;
+        let now = labels_at(scene, plan.readouts[readout], wanted, folder, &stem)?;
+        let boxes = scene.boxes(&now)?;
+        maps(folder, &stem, &now, wanted.kitti)?;
         write(folder, &format!("{stem}.kitti.txt"), labels::kitti_text(&boxes, 1).as_bytes())?;
         coco.add(&format!("{stem}.png"), readout as u64, &now, &boxes);
         if let Some((earlier, old)) = &before {
             let forward = scene.flow(old, &now, threads)?;
-            flow(folder, &format!("{earlier:06}.forward"), &forward)?;
-            flow(folder, &format!("{stem}.backward"), &scene.flow(&now, old, threads)?)?;
+            let backward = scene.flow(&now, old, threads)?;
+            flow(folder, &format!("{earlier:06}.forward"), &forward, wanted.kitti)?;
+            flow(folder, &format!("{stem}.backward"), &backward, wanted.kitti)?;
         }
         frames.push(frame(readout, now.t, &scene.camera(now.t)?, &boxes, &readouts));
         before = Some((readout, now));
@@ -54,14 +66,31 @@ pub(super) fn write_all(
     Ok(readouts)
 }
 
-fn maps(folder: &Path, stem: &str, now: &Labels) -> Result<()> {
+/// The labels at `t`; with EXR the light that belongs to them is drawn too.
+fn labels_at(scene: &Scene, t: f64, wanted: &Wanted, folder: &Path, stem: &str) -> Result<Labels> {
+    let Some(samples) = wanted.exr else { return scene.labels(t, wanted.threads) };
+    let drawn = scene.render(t, samples, wanted.threads)?;
+    let light = labels::exr(&drawn.rgb, drawn.labels.width, drawn.labels.height)?;
+    write(folder, &format!("{stem}.light.exr"), &light)?;
+    Ok(drawn.labels)
+}
+
+fn maps(folder: &Path, stem: &str, now: &Labels, kitti: bool) -> Result<()> {
+    if kitti {
+        let depth = labels::kitti_depth(&now.depth_m, now.width, now.height)?;
+        write(folder, &format!("{stem}.depth.kitti.png"), &depth)?;
+    }
     let shape = [now.height, now.width];
     write(folder, &format!("{stem}.depth.npy"), &labels::npy_f32(&shape, &now.depth_m)?)?;
     write(folder, &format!("{stem}.instance.npy"), &labels::npy_u32(&shape, &now.instance)?)?;
     write(folder, &format!("{stem}.semantic.npy"), &labels::npy_u8(&shape, &now.semantic)?)
 }
 
-fn flow(folder: &Path, stem: &str, flow: &Flow) -> Result<()> {
+fn flow(folder: &Path, stem: &str, flow: &Flow, kitti: bool) -> Result<()> {
+    if kitti {
+        // Hidden pixels stay valid; the mask beside them tells.
+        write(folder, &format!("{stem}.kitti.png"), &labels::kitti_flow(flow, true)?)?;
+    }
     write(folder, &format!("{stem}.flo"), &labels::flo(flow)?)?;
     let occluded = labels::npy_bool(&[flow.height, flow.width], &flow.occluded)?;
     write(folder, &format!("{stem}.occluded.npy"), &occluded)

@@ -35,6 +35,9 @@ pub struct Entry {
     /// The input below the given folder; none for scenes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub input: Option<String>,
+    /// Digest of the input when it was read: of a file, or of a folder's names and files.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub input_digest: Option<String>,
     /// Seed of the scene.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene_seed: Option<u64>,

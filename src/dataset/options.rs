@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
+use crate::dataset::sequence;
 use crate::draws::hash::mix64;
 use crate::draws::{Seeds, Stream};
 use crate::effects::Camera;
@@ -70,9 +71,32 @@ pub struct Drives {
     pub samples: Samples,
     /// Also the clear images as linear `f32`.
     pub npy: bool,
+    /// Also depth and flow as KITTI's 16-bit PNGs.
+    pub kitti: bool,
+    /// Also the light of labelled images in colour, as EXR.
+    pub exr: bool,
 }
 
 impl Drives {
+    /// Names of datasets that are known.
+    pub const PRESETS: [&'static str; 2] = ["rhdd", "tiny"];
+
+    /// The dataset of that name.
+    #[must_use]
+    pub fn preset(name: &str) -> Option<Self> {
+        match name {
+            "rhdd" => Some(Self::rhdd()),
+            "tiny" => Some(Self::tiny()),
+            _ => None,
+        }
+    }
+
+    /// Two scenes of 40 images, for a first try.
+    #[must_use]
+    pub fn tiny() -> Self {
+        Self { sequences: 2, images: 40, label_every: 20, ..Self::rhdd() }
+    }
+
     /// The dataset of the SCSim paper: 30 scenes of 500 images, one readout per image.
     #[must_use]
     pub const fn rhdd() -> Self {
@@ -88,6 +112,8 @@ impl Drives {
             white_cd_m2: None,
             samples: Samples::Four,
             npy: false,
+            kitti: false,
+            exr: false,
         }
     }
 
@@ -175,7 +201,10 @@ impl Options {
                 .found(if empty { "nothing to make" } else { "a share outside 0 to 1" })
                 .expected("at least one sequence, image and readout, and a test share from 0 to 1"));
         }
-        Ok(())
+        match &self.work {
+            Work::Drives(drives) => sequence::scene_options(self, drives)?.check(),
+            Work::Inputs(_) => Ok(()),
+        }
     }
 
     /// Seeds of sequence `id`: one camera for all, noise of its own for each.
@@ -190,12 +219,27 @@ impl Options {
         mix64(mix64(self.seed) ^ Stream::named(&format!("scene {id}")).id())
     }
 
-    /// Whether sequence `id` is for testing: a draw of its own, so that a sequence
-    /// added later moves no other one.
+    fn split_draw(&self, id: &str) -> u64 {
+        mix64(mix64(self.seed) ^ Stream::named(&format!("split {id}")).id())
+    }
+
+    /// Which of `ids` are for testing.
+    ///
+    /// Of scenes, whose number is fixed, exactly the test share, rounded (and at least one on either
+    /// side if the share asks for both and there are two): those with the lowest draws. Of given inputs
+    /// each one draws on its own, so that an input added later moves no other one.
     #[must_use]
-    pub fn is_test(&self, id: &str) -> bool {
-        let draw = mix64(mix64(self.seed) ^ Stream::named(&format!("split {id}")).id());
-        ((draw >> 11) as f64) / (1u64 << 53) as f64 >= 1.0 - self.test_share
+    pub fn tests(&self, ids: &[String]) -> Vec<bool> {
+        let draws: Vec<u64> = ids.iter().map(|id| self.split_draw(id)).collect();
+        if matches!(self.work, Work::Inputs(_)) {
+            let share = |draw: u64| ((draw >> 11) as f64) / (1u64 << 53) as f64;
+            return draws.iter().map(|&d| share(d) >= 1.0 - self.test_share).collect();
+        }
+        let (n, both) = (ids.len(), self.test_share > 0.0 && self.test_share < 1.0 && ids.len() > 1);
+        let wanted = (self.test_share * n as f64).round() as usize;
+        let wanted = if both { wanted.clamp(1, n - 1) } else { wanted };
+        // Two sequences with one draw would be two names with one hash of 64 bits.
+        draws.iter().map(|d| draws.iter().filter(|other| *other < d).count() < wanted).collect()
     }
 
     /// Everything that decides bytes, to compare a resumed dataset with the one begun.
@@ -210,6 +254,7 @@ impl Options {
                 "lighting": d.lighting.map(Lighting::name), "flicker_hz": d.flicker_hz,
                 "vehicles": d.vehicles, "speed_kmh": d.speed_kmh, "white_cd_m2": d.white_cd_m2,
                 "samples": if d.samples == Samples::Four { 4 } else { 16 }, "npy": d.npy,
+                "kitti": d.kitti, "exr": d.exr,
             }),
             Work::Inputs(i) => json!({
                 "kind": "inputs", "folder": i.folder.display().to_string(),

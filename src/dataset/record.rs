@@ -59,6 +59,16 @@ impl Record {
         self.files.iter().map(|f| f.bytes).sum()
     }
 
+    /// Reads the record in `folder`, unverified.
+    ///
+    /// # Errors
+    /// [`Kind::Io`] when there is none, [`Kind::Config`] when it is none.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let path = folder.join(NAME);
+        let text = fs::read(&path).map_err(|e| Error::io(path.display(), e))?;
+        serde_json::from_slice(&text).map_err(|e| Error::new(Kind::Config, path.display()).found(e))
+    }
+
     /// Reads the record in `folder` if its digest is `digest`, and verifies every file it lists.
     ///
     /// # Errors

@@ -4,7 +4,7 @@ use std::fs;
 
 use crate::dataset::manifest;
 use crate::dataset::{
-    Entry, Estimate, Manifest, Options, Record, Status, Work, card, inputs, layout, sequence,
+    Entry, Estimate, Manifest, Options, Record, Status, Work, card, from, inputs, layout, sequence,
 };
 use crate::error::{Error, Kind, Result};
 use crate::formats::Layout as StreamLayout;
@@ -36,6 +36,10 @@ pub struct Report {
     pub verified: usize,
     /// Sequences set aside.
     pub failed: usize,
+    /// Scenes made whose picture moves by more than half a pixel from one readout to the next.
+    pub too_fast: usize,
+    /// Readouts a second at which none of them would; 0 when none does.
+    pub needed_readout_hz: u64,
 }
 
 /// What the dataset will take, without writing anything; on resume, what is left of it.
@@ -67,7 +71,9 @@ fn expected_bytes(options: &Options, readouts: Option<u64>) -> Result<Option<u64
             // bytes of maps, and twice 9 bytes of flow with its mask.
             let picture = pixels * 2 / 3 + if d.npy { 4 * pixels } else { 0 };
             let labelled = images.checked_div(u64::from(d.label_every)).map_or(0, |n| n + 1);
-            images * picture + labelled * 27 * pixels
+            // KITTI's pictures: depth and twice flow; EXR: three floats.
+            let label = 27 + if d.kitti { 8 } else { 0 } + if d.exr { 12 } else { 0 };
+            images * picture + labelled * label * pixels
         }
         Work::Inputs(_) => pixels,
     };
@@ -107,7 +113,6 @@ fn entries(options: &Options) -> Result<Vec<Entry>> {
         let seeds = options.seeds(&id);
         let scene = matches!(options.work, Work::Drives(_)).then(|| options.scene_seed(&id));
         Ok(Entry {
-            split: if options.is_test(&id) { "test" } else { "train" }.to_owned(),
             scene_seed: scene,
             seeds: [seeds.camera, seeds.shot, seeds.sequence],
             bytes: expected_bytes(options, readouts)?,
@@ -117,7 +122,7 @@ fn entries(options: &Options) -> Result<Vec<Entry>> {
             ..Entry::default()
         })
     };
-    match &options.work {
+    let all: Result<Vec<Entry>> = match &options.work {
         Work::Drives(d) => {
             (0..d.sequences).map(|i| new(format!("scene-{i:04}"), None, Some(d.readouts()))).collect()
         }
@@ -128,7 +133,13 @@ fn entries(options: &Options) -> Result<Vec<Entry>> {
                 new(found.id, Some(found.path.to_string_lossy().into_owned()), readouts)
             })
             .collect(),
+    };
+    let mut all = all?;
+    let ids: Vec<_> = all.iter().map(|e| e.id.clone()).collect();
+    for (entry, test) in all.iter_mut().zip(options.tests(&ids)) {
+        if test { "test" } else { "train" }.clone_into(&mut entry.split);
     }
+    Ok(all)
 }
 
 /// Makes the dataset, or what is missing of it; `watch` hears of every batch, and its error
@@ -161,15 +172,18 @@ pub fn make(options: &Options, watch: &mut dyn FnMut(Progress<'_>) -> Result<()>
             |readouts, total, verifying| Progress { index, of, id: &entry.id, readouts, total, verifying };
         if entry.status == Status::Done {
             watch(at(0, entry.readouts, true))?;
-            if verified(options, &entry) {
+            if verified(options, &entry) && input_digest(options, &entry)? == entry.input_digest {
                 layout::place(options, &entry)?;
                 report.verified += 1;
                 continue;
             }
         }
         layout::displace(options, &entry.id);
+        // Taken before it is read: a change meanwhile is then seen by the next --resume.
+        let read = input_digest(options, &entry);
         let made = sequence::make(options, &entry, &mut |done, total| watch(at(done, total, false)));
         manifest.entries[index] = settle(entry, made, &mut report)?;
+        manifest.entries[index].input_digest = read.unwrap_or(None);
         if manifest.entries[index].status == Status::Done {
             layout::place(options, &manifest.entries[index])?;
         } else {
@@ -181,6 +195,17 @@ pub fn make(options: &Options, watch: &mut dyn FnMut(Progress<'_>) -> Result<()>
     }
     card::write(options, &manifest)?;
     Ok(report)
+}
+
+/// Digest of the input as it is now; none for scenes, and for an input that is gone.
+fn input_digest(options: &Options, entry: &Entry) -> Result<Option<String>> {
+    let (Work::Inputs(inputs), Some(name)) = (&options.work, &entry.input) else { return Ok(None) };
+    let path = inputs.folder.join(name);
+    if !path.exists() {
+        // Nothing is left to make it from, so what was made stays.
+        return Ok(entry.input_digest.clone());
+    }
+    from::digest(&path).map(Some)
 }
 
 fn verified(options: &Options, entry: &Entry) -> bool {
@@ -197,6 +222,11 @@ fn settle(mut entry: Entry, made: Result<(Record, String, u64)>, report: &mut Re
                 (Some(record.bytes()), Some(digest), Some(readouts));
             entry.reason = None;
             report.made += 1;
+            if record.about["too_fast"] == true {
+                let needed = record.about["needed_readout_hz"].as_u64().unwrap_or(0);
+                report.too_fast += 1;
+                report.needed_readout_hz = report.needed_readout_hz.max(needed);
+            }
         }
         // A file that cannot be read is the input's fault; scenes have no input.
         Err(e)
@@ -207,6 +237,9 @@ fn settle(mut entry: Entry, made: Result<(Record, String, u64)>, report: &mut Re
             entry.digest = None;
             entry.reason = Some(e.to_string());
             report.failed += 1;
+        }
+        Err(e) if e.kind() == Kind::Space => {
+            return Err(e.remedy("free some space, then go on with --resume; finished sequences are kept"));
         }
         Err(e) => return Err(e),
     }

@@ -121,17 +121,29 @@ impl Source for Tap<'_> {
 
 /// An 8-bit sRGB picture of linear light.
 pub(super) fn picture(light: &[f32], geometry: Geometry) -> Result<Vec<u8>> {
-    let code = |&x: &f32| {
-        let x = x.clamp(0.0, 1.0);
-        let s = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * libm::powf(x, 1.0 / 2.4) - 0.055 };
-        (s * 255.0 + 0.5) as u8
-    };
+    let code = |&x: &f32| (light::srgb_code(x) * 255.0 + 0.5) as u8;
     let codes: Vec<u8> = light.iter().map(code).collect();
     let mut out = Cursor::new(Vec::new());
     image::codecs::png::PngEncoder::new(&mut out)
         .write_image(&codes, geometry.width() as u32, geometry.height() as u32, ExtendedColorType::L8)
         .map_err(|e| Error::new(Kind::Input, "clear image").found(e))?;
     Ok(out.into_inner())
+}
+
+/// What every scene of the dataset is asked to be.
+pub(super) fn scene_options(options: &Options, drives: &Drives) -> Result<SceneOptions> {
+    let geometry = options.camera.sensor.geometry;
+    Ok(SceneOptions {
+        width: geometry.width() as u32,
+        height: geometry.height() as u32,
+        lighting: drives.lighting,
+        // One more readout than needed, so that rounding leaves the last one inside.
+        duration_s: (drives.readouts() as f64 / options.rate()?.hz()).max(2e-3),
+        speed_kmh: drives.speed_kmh,
+        vehicles: drives.vehicles,
+        flicker_hz: drives.flicker_hz,
+        fov_deg: None,
+    })
 }
 
 fn drive(
@@ -141,21 +153,10 @@ fn drive(
     folder: &Path,
     watch: Watch<'_>,
 ) -> Result<(Value, u64)> {
-    let (rate, geometry) = (options.rate()?, options.camera.sensor.geometry);
+    let rate = options.rate()?;
     let readouts = drives.readouts();
     let seed = entry.scene_seed.unwrap_or_else(|| options.scene_seed(&entry.id));
-    let asked = SceneOptions {
-        width: geometry.width() as u32,
-        height: geometry.height() as u32,
-        lighting: drives.lighting,
-        // One more readout than needed, so that rounding leaves the last one inside.
-        duration_s: (readouts as f64 / rate.hz()).max(2e-3),
-        speed_kmh: drives.speed_kmh,
-        vehicles: drives.vehicles,
-        flicker_hz: drives.flicker_hz,
-        fov_deg: None,
-    };
-    let scene = Scene::random(seed, &asked)?;
+    let scene = Scene::random(seed, &scene_options(options, drives)?)?;
     let mut drive = Drive::new(scene, rate, readouts, drives.white_cd_m2, drives.samples, options.threads)?;
     let images = folder.join("images");
     fs::create_dir_all(&images).map_err(|e| Error::io(images.display(), e))?;
@@ -168,10 +169,15 @@ fn drive(
     let outcome = streams(options, seeds, timeline, &mut tap, folder, "linear", &mut *watch)?;
     let mut labelled = Vec::new();
     if drives.label_every > 0 {
-        let every = drives.label_every as usize * drives.readouts_per_image as usize;
+        let wanted = labels::Wanted {
+            every: drives.label_every as usize * drives.readouts_per_image as usize,
+            kitti: drives.kitti,
+            exr: drives.exr.then_some(drives.samples),
+            threads: options.threads,
+        };
         let at = folder.join("labels");
         let mut still = || watch(readouts, Some(readouts));
-        labelled = labels::write_all(drive.scene(), drive.plan(), every, &at, options.threads, &mut still)?;
+        labelled = labels::write_all(drive.scene(), drive.plan(), &wanted, &at, &mut still)?;
     }
     let plan = drive.plan();
     let about = json!({
@@ -181,6 +187,7 @@ fn drive(
         "image_readouts": "the number in the file's name", "clear_readout": middle,
         "label_readouts": labelled, "max_px_per_readout": plan.max_px_per_readout,
         "key_frames": plan.keys.len(), "too_fast": plan.too_fast(),
+        "needed_readout_hz": (2.0 * plan.max_px_per_readout * rate.hz()).ceil() as u64,
         "frames_beyond_greatest_light": outcome.too_bright,
     });
     Ok((about, outcome.readouts))

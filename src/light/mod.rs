@@ -5,6 +5,7 @@
 //! but `libm`; reading files needs the `files` feature. `docs/inputs.md` tells
 //! users what is accepted and how it is read.
 
+mod between;
 pub mod chart;
 #[cfg(feature = "files")]
 pub mod ffmpeg;
@@ -20,6 +21,7 @@ pub mod natural;
 pub mod npy;
 #[cfg(feature = "files")]
 pub mod npz;
+mod objects;
 #[cfg(feature = "files")]
 mod open;
 #[cfg(feature = "files")]
@@ -33,6 +35,7 @@ pub mod y4m;
 #[cfg(feature = "files")]
 mod yuv;
 
+pub use between::Between;
 pub use chart::Chart;
 #[cfg(feature = "files")]
 pub use fit::Fit;
@@ -41,7 +44,8 @@ use frame::stored_size;
 pub use frame::{Frame, Samples, Source};
 #[cfg(feature = "files")]
 pub use motion::Motion;
+pub use objects::Objects;
 #[cfg(feature = "files")]
 pub use open::{Moving, Options, open, open_reader};
 pub use timeline::{Insertion, Moment, Rate, Timeline};
-pub use transfer::{Curve, LUMINANCE, Transfer, luminance};
+pub use transfer::{Curve, LUMINANCE, Transfer, luminance, srgb_code};

@@ -96,19 +96,22 @@ pub enum Insertion {
     Hold,
     /// It goes in a straight line to the next frame.
     Linear,
+    /// It moves to the next frame along an estimated motion ([`crate::light::Between`]).
+    Flow,
 }
 
 impl FromStr for Insertion {
     type Err = Error;
 
-    /// `hold` or `linear`.
+    /// `hold`, `linear` or `flow`.
     fn from_str(text: &str) -> Result<Self> {
         match text {
             "hold" => Ok(Self::Hold),
             "linear" => Ok(Self::Linear),
+            "flow" => Ok(Self::Flow),
             _ => Err(Error::new(Kind::Usage, "frame insertion")
                 .found(format_args!("`{text}`"))
-                .expected("hold or linear")),
+                .expected("hold, linear or flow")),
         }
     }
 }
@@ -195,7 +198,7 @@ impl Timeline {
         let frame = u64::try_from(position / den).unwrap_or(u64::MAX);
         let part = match self.insertion {
             Insertion::Hold => 0,
-            Insertion::Linear => (position % den) as u64,
+            Insertion::Linear | Insertion::Flow => (position % den) as u64,
         };
         Moment { frame, part, of: self.den }
     }

@@ -118,6 +118,15 @@ impl Curve {
     }
 }
 
+/// The sRGB code in 0 to 1 of light in 0 to 1 (IEC 61966-2-1); light outside is cut.
+///
+/// The inverse of [`Transfer::Srgb`].
+#[must_use]
+pub fn srgb_code(light: f32) -> f32 {
+    let x = light.clamp(0.0, 1.0);
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * libm::powf(x, 1.0 / 2.4) - 0.055 }
+}
+
 /// Luminance of linear red, green and blue.
 #[must_use]
 pub fn luminance(rgb: [f32; 3]) -> f32 {

@@ -6,10 +6,12 @@
 //! readout, so 1.0 is one nominal threshold per readout whatever the camera.
 
 mod intervals;
+mod noise;
 mod quality;
 mod window;
 
 pub use intervals::{isi_map, tfi};
+pub use noise::{difference_noise, patch_noise};
 pub use quality::{psnr, ssim};
 pub use window::{TfpSequence, tfp};
 

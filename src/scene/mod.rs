@@ -72,6 +72,9 @@ const AHEAD_M: f64 = 420.0;
 /// Longer drives are refused before their city is built.
 const LONGEST_M: f64 = 5_000.0;
 
+/// The slowest speed that a seed chooses.
+const SLOWEST_KMH: f64 = 45.0;
+
 /// What a scene is asked to be; what is left open follows from the seed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneOptions {
@@ -92,6 +95,16 @@ pub struct SceneOptions {
     pub vehicles: Option<u32>,
     /// Lamps flicker with this frequency in hertz (100 or 120 on the mains).
     pub flicker_hz: Option<f64>,
+}
+
+impl SceneOptions {
+    /// Refuses what no seed could make a scene of, without building one.
+    ///
+    /// # Errors
+    /// As [`Scene::random`]; a drive at the speed that a seed chooses may still be too long.
+    pub fn check(&self) -> Result<()> {
+        check(self, self.speed_kmh.unwrap_or(SLOWEST_KMH), self.fov_deg.unwrap_or(60.0)).map(drop)
+    }
 }
 
 impl Default for SceneOptions {
@@ -133,7 +146,7 @@ impl Scene {
     pub fn random(seed: u64, options: &SceneOptions) -> Result<Self> {
         let draws = Draws::new(seed, "scene");
         let lighting = options.lighting.unwrap_or(Lighting::ALL[draws.pick(0, Lighting::ALL.len())]);
-        let speed_kmh = options.speed_kmh.unwrap_or_else(|| draws.range(1, 45.0, 100.0));
+        let speed_kmh = options.speed_kmh.unwrap_or_else(|| draws.range(1, SLOWEST_KMH, 100.0));
         let fov_deg = options.fov_deg.unwrap_or_else(|| draws.range(2, 58.0, 80.0));
         let intrinsics = check(options, speed_kmh, fov_deg)?;
         let ego_mps = speed_kmh / 3.6;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::kernels::{self, Light, Segment};
-use crate::light::{Frame, Insertion, Samples, Source, Timeline};
+use crate::light::{Between, Frame, Insertion, Samples, Source, Timeline};
 
 /// Light of some readouts of a batch: one frame, or the way to the next.
 pub(super) struct Piece {
@@ -56,6 +56,8 @@ pub(super) struct Feeder<'a> {
     current: Arc<Frame>,
     index: u64,
     next: Option<Arc<Frame>>,
+    /// The motion between the two, once asked for, and the index of the first.
+    motion: Option<(u64, Between)>,
     over: bool,
     at: u64,
     greatest: f32,
@@ -79,6 +81,7 @@ impl<'a> Feeder<'a> {
             current: Arc::new(first),
             index: 0,
             next: None,
+            motion: None,
             over: false,
             at: 0,
             greatest: greatest as f32,
@@ -145,13 +148,39 @@ impl<'a> Feeder<'a> {
             }
             let end = self.timeline.first_readout(frame.saturating_add(1)).unwrap_or(u64::MAX);
             let count = (end - self.at).min(left).min(self.limit - self.at);
-            let piece = self.piece(count as usize)?;
+            let moved = self.moved()?;
+            let flows = self.timeline.insertion() == Insertion::Flow && !self.over;
+            let count = if flows { 1 } else { count };
+            let piece = match moved {
+                Some(frame) => Piece { from: Arc::new(frame), to: None, weights: Vec::new(), readouts: 1 },
+                None => self.piece(count as usize)?,
+            };
             held += bytes(&piece.from);
             pieces.push(piece);
             self.at += count;
             left -= count;
         }
         Ok(pieces)
+    }
+
+    /// The light of the next readout when it moves along the flow and is none of the frames.
+    fn moved(&mut self) -> Result<Option<Frame>> {
+        let moment = self.timeline.at(self.at);
+        if self.timeline.insertion() != Insertion::Flow || moment.part == 0 {
+            return Ok(None);
+        }
+        if self.next.is_none() {
+            self.next = self.read()?;
+        }
+        // The last frame has nowhere to go, and stays.
+        let Some(next) = &self.next else { return Ok(None) };
+        let between = match self.motion.take() {
+            Some((index, between)) if index == self.index => between,
+            _ => Between::new(&self.current, next)?,
+        };
+        let frame = between.at(moment.weight())?;
+        self.motion = Some((self.index, between));
+        Ok(Some(frame))
     }
 
     fn piece(&mut self, readouts: usize) -> Result<Piece> {

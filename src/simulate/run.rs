@@ -141,6 +141,8 @@ pub struct Outcome {
     pub glance: Glance,
     /// Time from the first batch to the last byte, reading light included.
     pub simulated: Duration,
+    /// Of this, time in which nothing could be done but wait for light.
+    pub waited: Duration,
     /// Time to bring the files to the disk.
     pub synced: Duration,
 }
@@ -181,7 +183,7 @@ pub fn run(
     let limit = total.or(job.readouts).unwrap_or(u64::MAX);
     let mut feeder = Feeder::new(source, first, job.timeline, limit, greatest_light);
     let start = Instant::now();
-    let glance = writing::write(&mut streams, job.threads > 1, |writing| {
+    let (glance, waited) = writing::write(&mut streams, job.threads > 1, |writing| {
         simulate(&mut feeder, &mut simulators, writing, total.or(job.readouts), watch)
     })?;
     let (readouts, frames, too_bright) = (feeder.at(), feeder.frames, feeder.too_bright);
@@ -195,7 +197,18 @@ pub fn run(
     let (mut files, synced) = finish(job, streams)?;
     let clean = clean.and_then(|_| files.pop());
     let noisy = files.pop().ok_or_else(|| Error::new(Kind::Io, noisy.display()).found("no stream"))?;
-    Ok(Outcome { noisy, clean, readouts, frames, greatest_light, too_bright, glance, simulated, synced })
+    Ok(Outcome {
+        noisy,
+        clean,
+        readouts,
+        frames,
+        greatest_light,
+        too_bright,
+        glance,
+        simulated,
+        waited,
+        synced,
+    })
 }
 
 fn simulator(job: &Run, plan: Plan) -> Result<Simulator> {
@@ -220,14 +233,17 @@ fn simulate(
     mut writing: Writing<'_>,
     total: Option<u64>,
     watch: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
-) -> Result<Glance> {
+) -> Result<(Glance, Duration)> {
     let bytes = feeder.current().geometry().frame_bytes();
     let batch = READOUTS.min((HELD / bytes).max(1));
     let mut glances = Glances::new(total, feeder.current());
     let mut written = vec![0; simulators.len()];
     watch(0, total)?;
+    let mut waited = Duration::ZERO;
     loop {
+        let asked = Instant::now();
         let pieces = feeder.fill(batch, HELD)?;
+        waited += asked.elapsed();
         let readouts: usize = pieces.iter().map(|p| p.readouts).sum();
         if readouts == 0 {
             // Dropped readouts are made up for in the last light.
@@ -238,7 +254,7 @@ fn simulate(
                     step(&mut writing, i, simulator, &mut written, &again, feeder.at())?;
                 }
             }
-            return Ok(glances.middle(feeder.at()));
+            return Ok((glances.middle(feeder.at()), waited));
         }
         let segments: Vec<_> = pieces.iter().map(Piece::segment).collect();
         for (i, simulator) in simulators.iter_mut().enumerate() {

@@ -3,6 +3,7 @@
 mod memory;
 mod report;
 mod scalar;
+mod scenes;
 mod stream;
 mod timing;
 
@@ -61,7 +62,8 @@ fn measure(args: &BenchArgs) -> Result<Report> {
     let seconds = if args.quick { args.seconds.min(6.0) } else { args.seconds };
     // Some forty cases share the time, beside what they need to be set up.
     let budget = Duration::from_secs_f64(seconds / 60.0);
-    let mut report = Report { machine: Machine::here(), rows: Vec::new(), facts: Vec::new() };
+    let mut report =
+        Report { machine: Machine::here(), rows: Vec::new(), facts: Vec::new(), scenes: Vec::new() };
     report.rows.push(memory::scalar(budget));
     kernels(budget, &mut report)?;
     bandwidth(budget, &mut report)?;
@@ -77,6 +79,7 @@ fn measure(args: &BenchArgs) -> Result<Report> {
         }
     }
     report.facts.extend(stream::downstream(&args.directory, readouts / 10, budget)?);
+    report.scenes = scenes::measure(all, budget)?;
     Ok(report)
 }
 

@@ -8,6 +8,8 @@ use std::time::SystemTime;
 use serde_json::{Value, json};
 use spikelane::{Error, Result};
 
+use super::scenes::Drawn;
+
 /// What follows this line in a page is kept when the page is written again.
 const MARKER: &str = "<!-- kept: what follows is written by hand -->";
 
@@ -105,6 +107,7 @@ pub struct Report {
     pub machine: Machine,
     pub rows: Vec<Row>,
     pub facts: Vec<Fact>,
+    pub scenes: Vec<Drawn>,
 }
 
 impl Report {
@@ -134,6 +137,12 @@ impl Report {
         for f in &self.facts {
             let _ = writeln!(text, "| {} | {:.3} | {} |", f.name, f.value, f.unit);
         }
+        text += "\n| driving scene, 400x250 | threads | ms | 30 x 500 of them, hours |\n|---|--:|--:|--:|\n";
+        for d in &self.scenes {
+            let threads = if d.threads == 0 { "not measured here".to_owned() } else { d.threads.to_string() };
+            let _ =
+                writeln!(text, "| {} | {threads} | {:.1} | {:.2} |", d.what, d.ms, d.ms * 15_000.0 / 3.6e6);
+        }
         text
     }
 
@@ -150,7 +159,8 @@ impl Report {
         json!({"date": m.date, "cpu": m.cpu, "threads": m.threads, "compiler": m.compiler,
             "commit": m.commit, "portable": m.lanes,
             "speeds": self.rows.iter().map(row).collect::<Vec<_>>(),
-            "facts": self.facts.iter().map(fact).collect::<Vec<_>>()})
+            "facts": self.facts.iter().map(fact).collect::<Vec<_>>(),
+            "scenes": self.scenes.iter().map(Drawn::json).collect::<Vec<_>>()})
     }
 
     /// Writes the page, keeping what was written by hand behind the marker.

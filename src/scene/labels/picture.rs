@@ -2,6 +2,7 @@
 
 use image::ExtendedColorType;
 
+use super::super::boxes::VehicleBox;
 use super::super::flow::Flow;
 use super::super::material::Semantic;
 use super::super::render::{Labels, Rendered};
@@ -28,6 +29,39 @@ fn tone(linear: f32) -> u8 {
 pub fn light_picture(frame: &Rendered, white_cd_m2: f32) -> Result<Vec<u8>> {
     let pixels = frame.rgb.iter().map(|c| c.map(|v| tone(v / white_cd_m2))).collect();
     picture(pixels, frame.labels.width, frame.labels.height)
+}
+
+/// The photograph with the boxes of visible vehicles: what is seen in green, the whole
+/// vehicle as far as it lies in the image in orange.
+///
+/// # Errors
+/// When the frame's fields do not match its size.
+pub fn boxes_picture(frame: &Rendered, white_cd_m2: f32, boxes: &[VehicleBox]) -> Result<Vec<u8>> {
+    let (width, height) = (frame.labels.width, frame.labels.height);
+    let mut pixels: Vec<_> = frame.rgb.iter().map(|c| c.map(|v| tone(v / white_cd_m2))).collect();
+    expect_len("picture", pixels.len(), width * height)?;
+    for b in boxes {
+        let Some(visible) = b.visible else { continue };
+        outline(&mut pixels, width, height, b.amodal_in_image, [255, 140, 0]);
+        outline(&mut pixels, width, height, visible, [40, 255, 60]);
+    }
+    picture(pixels, width, height)
+}
+
+/// The pixels along the inside of a box's edges.
+fn outline(pixels: &mut [[u8; 3]], width: usize, height: usize, corners: [f32; 4], colour: [u8; 3]) {
+    let [x0, y0, x1, y1] = corners;
+    let inside = |v: f32, n: usize| v.max(0.0).min((n - 1) as f32) as usize;
+    let (left, right) = (inside(x0.floor(), width), inside(x1.ceil() - 1.0, width));
+    let (top, bottom) = (inside(y0.floor(), height), inside(y1.ceil() - 1.0, height));
+    for x in left..=right {
+        pixels[top * width + x] = colour;
+        pixels[bottom * width + x] = colour;
+    }
+    for y in top..=bottom {
+        pixels[y * width + left] = colour;
+        pixels[y * width + right] = colour;
+    }
 }
 
 /// Depth from near (warm) to far (blue), black in the sky; equal steps of 1/depth.

@@ -1,0 +1,73 @@
+//! Driving scenes: what a key frame and its labels cost, beside a path tracer.
+
+use std::time::Duration;
+
+use serde_json::{Value, json};
+use spikelane::Result;
+use spikelane::scene::{Lighting, Samples, Scene, SceneOptions, Warp};
+
+use super::timing::rate;
+
+/// Milliseconds of a 400x250 frame of Blender Cycles on a CPU like that of the first measurements, with
+/// the samples of a pixel that SPCS publishes (64: 32 to 36 s) and with an eighth of them.
+const BLENDER: [(&str, f64); 2] =
+    [("Blender, 64 samples (SPCS's setting)", 34_000.0), ("Blender, 8 samples", 2_800.0)];
+
+/// Something drawn.
+pub struct Drawn {
+    pub what: String,
+    /// Zero for figures that were not measured here.
+    pub threads: usize,
+    pub ms: f64,
+}
+
+impl Drawn {
+    fn measured(what: String, threads: usize, budget: Duration, run: impl FnMut()) -> Self {
+        Self { what, threads, ms: 1e3 / rate(budget, 1.0, run) }
+    }
+
+    pub fn json(&self) -> Value {
+        json!({"what": self.what, "threads": self.threads, "ms": self.ms})
+    }
+}
+
+/// 400x250 frames of one scene under several lights, at 1 s of its drive.
+pub fn measure(all_threads: usize, budget: Duration) -> Result<Vec<Drawn>> {
+    let mut rows: Vec<Drawn> =
+        BLENDER.iter().map(|(what, ms)| Drawn { what: (*what).into(), threads: 0, ms: *ms }).collect();
+    let mut threads = vec![1, all_threads];
+    threads.dedup();
+    for lighting in [Lighting::Noon, Lighting::Overcast, Lighting::Night] {
+        let options = SceneOptions { lighting: Some(lighting), ..SceneOptions::default() };
+        let scene = Scene::random(1, &options)?;
+        for &n in &threads {
+            let what = format!("key frame and labels, {}, 2x2 samples", lighting.name());
+            rows.push(Drawn::measured(what, n, budget, || {
+                std::hint::black_box(scene.render(1.0, Samples::Four, n).is_ok());
+            }));
+        }
+        if lighting == Lighting::Noon {
+            rows.extend(beside(&scene, all_threads, budget)?);
+        }
+    }
+    Ok(rows)
+}
+
+/// What else a readout or a labelled image costs.
+fn beside(scene: &Scene, threads: usize, budget: Duration) -> Result<Vec<Drawn>> {
+    let (a, b) = (scene.render(1.0, Samples::Four, threads)?, scene.render(1.0005, Samples::Four, threads)?);
+    let warp = Warp::new(scene, &a, &b)?;
+    let row = |what: &str, threads, run: &mut dyn FnMut() -> bool| {
+        Drawn::measured(what.to_owned(), threads, budget, || {
+            std::hint::black_box(run());
+        })
+    };
+    Ok(vec![
+        row("key frame and labels, noon, 4x4 samples", threads, &mut || {
+            scene.render(1.0, Samples::Sixteen, threads).is_ok()
+        }),
+        row("readout between key frames", 1, &mut || warp.light(1.0002).is_ok()),
+        row("flow to another moment", threads, &mut || scene.flow(&a.labels, &b.labels, threads).is_ok()),
+        row("boxes of all vehicles", 1, &mut || scene.boxes(&a.labels).is_ok()),
+    ])
+}
