@@ -143,8 +143,9 @@ pub(super) fn choose(model: &Model, light: f64) -> Result<Scale> {
 fn storage(model: &Model, e: &mut Extremes) -> Result<Storage> {
     let below_full_scale = e.relative_increment <= 1.0 + 1e-6;
     let noiseless = e.noise == 0.0 && e.shot == 0.0 && e.sway == 0.0;
+    let starts_below = model.start_charge(e.smallest_threshold, 1.0, 1.0) <= e.smallest_threshold;
     let loses_remainder = model.ops.iter().any(|op| matches!(op, Op::Remainder { lost } if *lost > 0.0));
-    if below_full_scale && noiseless && !loses_remainder && e.ceiling >= 2.0 {
+    if below_full_scale && noiseless && starts_below && !loses_remainder && e.ceiling >= 2.0 {
         return Ok(Storage::Free);
     }
     if e.ceiling.is_finite() {

@@ -244,7 +244,12 @@ pub(super) fn start(
         let law = model.law(p);
         let charge = model.start_charge(law.threshold, unit((bits >> 32) as u32), unit(bits as u32));
         let fixed = (charge * threshold / law.threshold * 65_536.0) as i64;
-        let above = (fixed >> 16) - i64::from(tables.threshold[p]);
+        let mut above = (fixed >> 16) - i64::from(tables.threshold[p]);
+        if rules.surplus && above >= 0 {
+            let whole = (above / i64::from(tables.threshold[p]) + 1).min(i64::from(i16::MAX));
+            above -= whole * i64::from(tables.threshold[p]);
+            state.surplus[p] = whole as i16;
+        }
         state.charge[p] = above.clamp(i64::from(i16::MIN), i64::from(i16::MAX)) as i16;
         state.fraction[p] = (fixed as u16 ^ FLIP) as i16;
     }

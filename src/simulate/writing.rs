@@ -40,7 +40,12 @@ impl Writing<'_> {
     ///
     /// # Errors
     /// Those of the file; beside, they may come a few batches late.
-    pub fn append(&mut self, index: usize, bytes: usize, fill: impl FnOnce(&mut [u8]) -> usize) -> Result<()> {
+    pub fn append(
+        &mut self,
+        index: usize,
+        bytes: usize,
+        fill: impl FnOnce(&mut [u8]) -> usize,
+    ) -> Result<()> {
         match self {
             Self::Here { streams, buffer } => {
                 buffer.resize(bytes, 0);

@@ -63,7 +63,7 @@ impl Source for Level {
 pub fn to_file(directory: &Path, threads: usize, readouts: usize, facts: &mut Vec<Fact>) -> Result<Row> {
     let file = Scratch::new(directory, "write");
     let camera = Noise::Full.camera()?;
-    let geometry = camera.sensor.geometry();
+    let geometry = camera.sensor.geometry;
     let light = frames(Noise::Full, 1).remove(0);
     let job = Run {
         readouts: Some(readouts as u64),
