@@ -19,6 +19,19 @@ fn cameras(width: u32, height: u32) -> Vec<Camera> {
     let shot = fixed.clone().with(typical("shot_noise"));
     let often = typical("thermal_noise").with_text("redraw", "every-readout").unwrap();
     let dark = typical("dark_current").with("mean", 0.1).unwrap();
+    let further = [
+        "crosstalk",
+        "flicker",
+        "response_nonlinearity",
+        "image_lag",
+        "telegraph_dark",
+        "comparator_noise",
+        "row_noise",
+        "slow_threshold_noise",
+        "adaptation",
+        "leak",
+    ];
+    let general = further.into_iter().fold(shot.clone(), |camera, name| camera.with(typical(name)));
     let few = shot.clone().with(typical("dark_shot_noise")).with(dark);
     vec![
         shot.clone().with(often.clone()),
@@ -26,6 +39,7 @@ fn cameras(width: u32, height: u32) -> Vec<Camera> {
         shot.clone().with(typical("thermal_noise")),
         shot.clone().with(typical("dead_time")).with(typical("false_spikes")).with(typical("missed_spikes")),
         few.with(typical("partial_reset")),
+        general,
         ideal,
         clamped,
         fixed.clone().without("saturation_clamp"),

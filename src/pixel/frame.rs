@@ -1,3 +1,5 @@
+//! Pixels side by side, exactly.
+
 use crate::pixel::{Law, Noise, State, Surround};
 
 /// A sensor whose pixels act on each other: the oracle of crosstalk, row noise, spike coupling and
