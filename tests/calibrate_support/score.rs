@@ -36,7 +36,7 @@ impl Firing {
     pub fn new() -> Self {
         let at = |i: i32| {
             let g = (0.25 * f64::from(i)).exp();
-            let (mean, variance) = simulate(g, 1000 + i as u64);
+            let (mean, variance) = simulate(g, (1000 + i) as u64);
             // Charge balances: what low draws save is gained in rate.
             [g.ln(), variance, -g * mean]
         };
