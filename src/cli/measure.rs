@@ -95,6 +95,8 @@ fn lines(statistics: &Statistics) -> Result<Vec<Line>> {
         return Ok(Vec::new());
     }
     let mut lines = spectrum(&frames.totals, segment)?.lines(LINE);
+    // A scene that moves drifts, which the window spreads over the lowest bins.
+    lines.retain(|line| line.frequency * segment as f64 > 3.5);
     lines.truncate(3);
     Ok(lines)
 }
