@@ -7,6 +7,7 @@ mod compare;
 mod completions;
 mod convert;
 mod dataset;
+mod diagnose;
 mod effects;
 mod first_run;
 mod inspect;
@@ -59,6 +60,7 @@ enum Command {
     Measure(measure::Args),
     Calibrate(calibrate::Args),
     Compare(compare::Args),
+    Diagnose(diagnose::Args),
     Record(record::Args),
     Scene(scene::Args),
     Dataset(dataset::Args),
@@ -93,6 +95,7 @@ fn dispatch(command: Option<Command>, out: &Out) -> Result<()> {
         Some(Command::Measure(args)) => measure::run(&args, out.json()),
         Some(Command::Calibrate(args)) => calibrate::run(&args),
         Some(Command::Compare(args)) => compare::run(&args),
+        Some(Command::Diagnose(args)) => diagnose::run(&args),
         Some(Command::Record(args)) => record::run(&args),
         Some(Command::Scene(args)) => scene::run(&args),
         Some(Command::Dataset(args)) => dataset::run(&args),

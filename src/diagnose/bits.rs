@@ -30,7 +30,11 @@ impl PixelBits {
             for w in 0..words {
                 for (i, word) in block.iter_mut().enumerate() {
                     let t = w * 64 + i;
-                    *word = if t < readouts { word_at(&frames.bytes()[t * bytes..(t + 1) * bytes], from) } else { 0 };
+                    *word = if t < readouts {
+                        word_at(&frames.bytes()[t * bytes..(t + 1) * bytes], from)
+                    } else {
+                        0
+                    };
                 }
                 transpose(&mut block);
                 for (i, word) in block.iter().enumerate() {
@@ -115,7 +119,8 @@ mod tests {
                 assert_eq!(found, bit(frame, p), "pixel {p}, readout {t}");
             }
         }
-        let early = |p: usize| bytes.chunks_exact(geometry.frame_bytes()).take(70).filter(|f| bit(f, p)).count();
+        let early =
+            |p: usize| bytes.chunks_exact(geometry.frame_bytes()).take(70).filter(|f| bit(f, p)).count();
         assert!((0..143).all(|p| count_before(turned.pixel(p), 70) as usize == early(p)));
     }
 }

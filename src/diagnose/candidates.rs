@@ -96,7 +96,10 @@ pub(super) fn candidates(base: &crate::effects::Camera) -> (Vec<Candidate>, Vec<
         };
         let mut values = vec![Vec::new()];
         for turn in entry.turns {
-            values = values.iter().flat_map(|v| turn.at.iter().map(move |a| [v.as_slice(), &[*a]].concat())).collect();
+            values = values
+                .iter()
+                .flat_map(|v| turn.at.iter().map(move |a| [v.as_slice(), &[*a]].concat()))
+                .collect();
         }
         for value in values {
             let at = knobs.iter().zip(&value).map(|(k, v)| k.position(*v)).collect();
@@ -127,8 +130,15 @@ mod tests {
 
     #[test]
     fn every_effect_of_the_model_is_a_candidate_or_part_of_the_base() {
-        const BASE: [&str; 7] =
-            ["capacitor_mismatch", "bias_voltage", "prnu", "dark_current", "shot_noise", "thermal_noise", "start_phase"];
+        const BASE: [&str; 7] = [
+            "capacitor_mismatch",
+            "bias_voltage",
+            "prnu",
+            "dark_current",
+            "shot_noise",
+            "thermal_noise",
+            "start_phase",
+        ];
         let setup = crate::presets::builtin("ideal").unwrap();
         let (all, _) = candidates(&setup);
         for effect in crate::effects::ALL {

@@ -19,8 +19,18 @@ pub(super) fn steps(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
     if half < STEADY + 40 {
         return;
     }
-    const UP: [&str; 4] = ["2 to 20 readouts after a rise", "20 to 60 after a rise", "60 to 120 after a rise", "120 to 300 after a rise"];
-    const DOWN: [&str; 4] = ["2 to 20 readouts after a fall", "20 to 60 after a fall", "60 to 120 after a fall", "120 to 300 after a fall"];
+    const UP: [&str; 4] = [
+        "2 to 20 readouts after a rise",
+        "20 to 60 after a rise",
+        "60 to 120 after a rise",
+        "120 to 300 after a rise",
+    ];
+    const DOWN: [&str; 4] = [
+        "2 to 20 readouts after a fall",
+        "20 to 60 after a fall",
+        "60 to 120 after a fall",
+        "120 to 300 after a fall",
+    ];
     // The set begins bright, so the first bright half period follows no rise.
     for (names, first) in [(UP, 2), (DOWN, 1)] {
         let mean = |from: usize, to: usize| {
@@ -58,8 +68,12 @@ pub(super) fn checkerboard(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene,
             groups[2 * usize::from(!own) + usize::from(edge)].push(rate / expected - 1.0);
         }
     }
-    const NAMES: [&str; 4] =
-        ["bright squares, inside", "bright squares, at the edge", "dark squares, inside", "dark squares, at the edge"];
+    const NAMES: [&str; 4] = [
+        "bright squares, inside",
+        "bright squares, at the edge",
+        "dark squares, inside",
+        "dark squares, at the edge",
+    ];
     for (name, group) in NAMES.into_iter().zip(&groups) {
         v.push(k, name, 1e3 * Spread::of(group).trimmed, 0.02);
     }

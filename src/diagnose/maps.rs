@@ -83,7 +83,8 @@ fn map(v: &mut Vector, names: &Names, map: &[f64], width: usize) -> Vec<f64> {
         (root(far(1.0), n), 2e-3),
         (root(far(-1.0), n), 2e-3),
     ];
-    let columns: Vec<f64> = (0..width).map(|c| z.iter().skip(c).step_by(width).sum::<f64>() / height as f64).collect();
+    let columns: Vec<f64> =
+        (0..width).map(|c| z.iter().skip(c).step_by(width).sum::<f64>() / height as f64).collect();
     let rows: Vec<f64> = z.chunks_exact(width).map(|r| r.iter().sum::<f64>() / width as f64).collect();
     let variance = |lines: &[f64]| {
         // The border has statistics of its own.
@@ -103,11 +104,13 @@ fn map(v: &mut Vector, names: &Names, map: &[f64], width: usize) -> Vec<f64> {
         values.push((product(&z, width, down, right) / total, 1e-3));
     }
     let at = |p: usize| {
-        let (y, x) = ((p / width) as f64 / (height - 1) as f64 - 0.5, (p % width) as f64 / (width - 1) as f64 - 0.5);
+        let (y, x) =
+            ((p / width) as f64 / (height - 1) as f64 - 0.5, (p % width) as f64 / (width - 1) as f64 - 0.5);
         [2.0 * (x * x + y * y) - 1.0 / 3.0, x, y]
     };
     for i in 0..3 {
-        let (sum, square) = (0..map.len()).fold((0.0, 0.0), |(s, q), p| (s + z[p] * at(p)[i], q + at(p)[i].powi(2)));
+        let (sum, square) =
+            (0..map.len()).fold((0.0, 0.0), |(s, q), p| (s + z[p] * at(p)[i], q + at(p)[i].powi(2)));
         values.push((sum / square, 2e-3));
     }
     values.extend([columns[0], columns[width - 1], rows[0], rows[height - 1]].map(|line| (line, 2e-3)));

@@ -52,13 +52,25 @@ pub(super) fn noise(residuals: &[DVector<f64>], floors: &[f64]) -> Result<Noise>
             return Ok(Noise { covariance: shrunk, factor });
         }
     }
-    Err(Error::new(Kind::Config, "covariance of the statistics").found("not positive").expected("positive variances"))
+    Err(Error::new(Kind::Config, "covariance of the statistics")
+        .found("not positive")
+        .expected("positive variances"))
 }
 
 impl Noise {
     /// With lamps of uncertain brightness: `columns` are changes per standard deviation of a lamp.
     pub fn with_columns(&self, columns: &DMatrix<f64>) -> Result<Self> {
         let covariance = &self.covariance + columns * columns.transpose();
+        match Cholesky::new(covariance.clone()) {
+            Some(factor) => Ok(Self { covariance, factor }),
+            None => Err(Error::new(Kind::Config, "covariance of the statistics").found("not positive")),
+        }
+    }
+
+    /// With every deviation multiplied by a factor of its own.
+    pub fn scaled(&self, factors: &[f64]) -> Result<Self> {
+        let scale = |i: usize, j: usize| self.covariance[(i, j)] * factors[i] * factors[j];
+        let covariance = DMatrix::from_fn(factors.len(), factors.len(), scale);
         match Cholesky::new(covariance.clone()) {
             Some(factor) => Ok(Self { covariance, factor }),
             None => Err(Error::new(Kind::Config, "covariance of the statistics").found("not positive")),

@@ -153,11 +153,17 @@ impl Reference {
         floors: &[f64],
     ) -> Result<Limits> {
         let fold = |f: usize| -> Result<Vec<[f64; 3]>> {
-            let others: Vec<DVector<f64>> =
-                residuals.iter().enumerate().filter(|(i, _)| i % FOLDS != f).map(|(_, r)| r.clone()).collect();
+            let others: Vec<DVector<f64>> = residuals
+                .iter()
+                .enumerate()
+                .filter(|(i, _)| i % FOLDS != f)
+                .map(|(_, r)| r.clone())
+                .collect();
             let metric = Metric::new(&noise(&others, floors)?.with_columns(lamps)?, self.jacobian.clone());
             let own = redrawn.iter().enumerate().filter(|(i, _)| i % FOLDS == f);
-            Ok(own.map(|(_, d)| self.strays(&metric, &(&d.vector - &self.mean))).collect())
+            Ok(own
+                .map(|(_, d)| self.strays_by(&metric, &(&d.vector - &self.mean), &self.signatures))
+                .collect())
         };
         let folds = (0..FOLDS).into_par_iter().map(fold).collect::<Result<Vec<_>>>()?;
         let all: Vec<[f64; 3]> = folds.into_iter().flatten().collect();
@@ -169,26 +175,12 @@ impl Reference {
         })
     }
 
-    /// Total misfit, largest deviation, largest score.
-    pub(super) fn strays(&self, metric: &Metric, off: &DVector<f64>) -> [f64; 3] {
-        let dual = metric.dual(off);
-        let score = |s: &Signature| {
-            let length = metric.square(&s.mean).sqrt();
-            if length > 0.0 { (s.mean.dot(&dual) / length).abs() } else { 0.0 }
-        };
-        let largest = |m: f64, x: f64| m.max(x.abs());
-        [
-            off.dot(&dual),
-            metric.scores(off).into_iter().fold(0.0, largest),
-            self.signatures.iter().map(score).fold(0.0, largest),
-        ]
-    }
-
     /// Mean vector of `sample` from `count` simulations, with the base model's as control where that helps.
     pub(super) fn mean_of(&self, model: &Model, u: &[f64], count: usize) -> Result<Means> {
         let sample = model.sample(u, &[], self.setup.scenes.len())?;
         let one = |i: usize| Ok(DVector::from_vec(self.setup.values(&sample, self.seed + i as u64)?));
-        let each: Vec<DVector<f64>> = (0..count.min(FIXED)).into_par_iter().map(one).collect::<Result<_>>()?;
+        let each: Vec<DVector<f64>> =
+            (0..count.min(FIXED)).into_par_iter().map(one).collect::<Result<_>>()?;
         Ok(Means { mean: self.controlled(&each), each })
     }
 
@@ -272,7 +264,8 @@ fn redraw(setup: &Setup, model: &Model, seed: u64, rough: &Metric) -> Result<Vec
     let root = rough.covariance().cholesky().map_or_else(|| DMatrix::zeros(n, n), |c| c.l());
     let one = |i: usize| -> Result<Redrawn> {
         let own = seed + 10_000 + i as u64;
-        let mut normals = Pattern::new(Seeds { camera: own, shot: 0, sequence: 0 }, Stream::named("diagnose")).normals();
+        let mut normals =
+            Pattern::new(Seeds { camera: own, shot: 0, sequence: 0 }, Stream::named("diagnose")).normals();
         let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
         let base = &root * draw(n);
         let lamps = draw(model.lamps.len()) * LAMP;

@@ -84,7 +84,13 @@ pub(super) fn scan(frames: Packed<'_>, dim: bool) -> Scan {
     }
 }
 
-fn pixel(bits: &PixelBits, p: usize, dim: bool, times: &mut Vec<u32>, deviations: &mut [[f64; 2]]) -> PixelScan {
+fn pixel(
+    bits: &PixelBits,
+    p: usize,
+    dim: bool,
+    times: &mut Vec<u32>,
+    deviations: &mut [[f64; 2]],
+) -> PixelScan {
     let words = bits.pixel(p);
     let mut scan = PixelScan::default();
     let mut before = 0;
@@ -246,9 +252,8 @@ fn neighbours(bits: &PixelBits, pixels: &[PixelScan]) -> [f64; 4] {
         }
         sums
     };
-    let merge = |a: [[f64; 2]; 4], b: [[f64; 2]; 4]| {
-        std::array::from_fn(|k| [a[k][0] + b[k][0], a[k][1] + b[k][1]])
-    };
+    let merge =
+        |a: [[f64; 2]; 4], b: [[f64; 2]; 4]| std::array::from_fn(|k| [a[k][0] + b[k][0], a[k][1] + b[k][1]]);
     let sums = (0..n).into_par_iter().map(of_pixel).reduce(|| [[0.0; 2]; 4], merge);
     sums.map(|[found, chance]| if chance > 0.0 { found / chance - 1.0 } else { 0.0 })
 }

@@ -61,7 +61,9 @@ impl Scene {
     /// The brightest light.
     fn greatest(&self) -> f64 {
         match self.light {
-            Light::Scene(Pattern::Square { high, low, .. } | Pattern::Checkerboard { high, low, .. }) => high.max(low),
+            Light::Scene(Pattern::Square { high, low, .. } | Pattern::Checkerboard { high, low, .. }) => {
+                high.max(low)
+            }
             _ => self.brightness(),
         }
     }
@@ -121,9 +123,17 @@ impl Setup {
                 return Err(Error::new(Kind::Input, &recording.file)
                     .found(format_args!("{readouts} readouts"))
                     .expected(format_args!("{FEWEST} or more in each part of a recording"))
-                    .remedy("record longer, or give a second set with --holdout so that this one is not split"));
+                    .remedy(
+                        "record longer, or give a second set with --holdout so that this one is not split",
+                    ));
             }
-            scenes.push(Scene { name: recording.file.clone(), light: recording.light, readouts, skip, rate: 0.0 });
+            scenes.push(Scene {
+                name: recording.file.clone(),
+                light: recording.light,
+                readouts,
+                skip,
+                rate: 0.0,
+            });
         }
         Ok(Self { geometry: set.geometry()?, readout_hz: set.readout_hz, scenes })
     }
@@ -177,7 +187,8 @@ impl Setup {
             let now = hold.min(total - at);
             let level = |p: usize| scene.light.at(p / width, p % width, at as u64).unwrap_or(scene.rate);
             let samples: Vec<f32> = (0..self.geometry.pixels()).map(|p| (lamp * level(p)) as f32).collect();
-            simulator.push(FrameRef::f32(&samples, self.geometry), &mut out[at * bytes..(at + now) * bytes])?;
+            simulator
+                .push(FrameRef::f32(&samples, self.geometry), &mut out[at * bytes..(at + now) * bytes])?;
             at += now;
         }
         Ok(scan(Packed::new(self.geometry, &out[scene.skip * bytes..])?, scene.dim()))

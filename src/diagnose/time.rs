@@ -30,15 +30,25 @@ pub(super) fn frames(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
     let odd: f64 = scan.totals.iter().skip(1).step_by(2).map(|c| f64::from(*c)).sum();
     v.push(k, "even readouts over odd", ln(even) - ln(odd), 1e-4);
     v.push(k, "halves of a row together", scan.row_halves, 5e-5);
-    const NAMES: [&str; 4] =
-        ["neighbours beside, same readout", "neighbours below, same readout", "neighbours beside, next readout", "neighbours below, next readout"];
+    const NAMES: [&str; 4] = [
+        "neighbours beside, same readout",
+        "neighbours below, same readout",
+        "neighbours beside, next readout",
+        "neighbours below, next readout",
+    ];
     for (name, value) in NAMES.into_iter().zip(scan.neighbours) {
         v.push(k, name, value, 5e-5);
     }
-    let mean_changes = scan.changes.iter().map(|c| f64::from(*c)).sum::<f64>() / scan.changes.len().max(1) as f64;
+    let mean_changes =
+        scan.changes.iter().map(|c| f64::from(*c)).sum::<f64>() / scan.changes.len().max(1) as f64;
     let equal = scan.changes.iter().filter(|c| f64::from(**c) < 0.4 * mean_changes).count() as f64;
     // With few spikes a readout resembles the one before by chance.
-    v.push(k, "readouts equal to the one before", root(if mean_changes > 0.002 * n { equal } else { 0.0 }, t as f64), 1e-3);
+    v.push(
+        k,
+        "readouts equal to the one before",
+        root(if mean_changes > 0.002 * n { equal } else { 0.0 }, t as f64),
+        1e-3,
+    );
     if scene.dim() && scene.brightness() > 0.0 {
         jumps(v, k, scan);
     }
@@ -108,7 +118,9 @@ pub(super) fn line(power: &[f64], readouts: usize) -> (f64, f64) {
     let mut best = (0.0, 1.0);
     let reach = 40;
     for i in 2..end {
-        let around = power[i.saturating_sub(reach).max(1)..i].iter().chain(&power[i + 1..(i + reach).min(power.len())]);
+        let around = power[i.saturating_sub(reach).max(1)..i]
+            .iter()
+            .chain(&power[i + 1..(i + reach).min(power.len())]);
         let (sum, count) = around.fold((0.0, 0.0), |(s, c), p| (s + p.min(power[i]), c + 1.0));
         let ratio = power[i] * count / f64::max(sum, 1e-12);
         if ratio > best.1 {

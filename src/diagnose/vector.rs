@@ -77,7 +77,8 @@ fn intervals(v: &mut Vector, k: usize, scan: &Scan, dim: bool) {
     if !dim {
         return;
     }
-    const NAMES: [&str; LAGS.len()] = ["interval variance, lag 1", "interval variance, lag 4", "interval variance, lag 16"];
+    const NAMES: [&str; LAGS.len()] =
+        ["interval variance, lag 1", "interval variance, lag 4", "interval variance, lag 16"];
     for i in 0..LAGS.len() {
         let usual: Vec<f64> =
             pixels.iter().filter(|p| p.terms[i] > 0.0).map(|p| p.variance[i] / p.terms[i]).collect();
@@ -90,11 +91,8 @@ fn intervals(v: &mut Vector, k: usize, scan: &Scan, dim: bool) {
         }
     }
     for (i, name) in ["interval covariance, lag 1", "interval covariance, lag 2"].into_iter().enumerate() {
-        let usual: Vec<f64> = pixels
-            .iter()
-            .filter(|p| p.count > 4)
-            .map(|p| p.covariance[i] / f64::from(p.count - 2))
-            .collect();
+        let usual: Vec<f64> =
+            pixels.iter().filter(|p| p.count > 4).map(|p| p.covariance[i] / f64::from(p.count - 2)).collect();
         v.push(k, name, 1e4 * Spread::of(&usual).trimmed, 2e-3);
     }
 }

@@ -26,8 +26,16 @@ pub const INSIDE: [Kind; 33] = [
     Kind { name: "leak", largest: 2e-3, set: |p, s, _| p.leak = s },
     Kind { name: "dark_shot_noise", largest: 1.0, set: |p, s, _| p.dark_shot = s },
     Kind { name: "comparator_noise", largest: 0.03, set: |p, s, _| p.comparator = s },
-    Kind { name: "slow_threshold_noise", largest: 0.01, set: |p, s, u| p.slow = (s, log(100.0, 20_000.0, u[0])) },
-    Kind { name: "adaptation", largest: 0.01, set: |p, s, u| p.adaptation = (s, 1.0 - log(0.001, 0.2, u[0])) },
+    Kind {
+        name: "slow_threshold_noise",
+        largest: 0.01,
+        set: |p, s, u| p.slow = (s, log(100.0, 20_000.0, u[0])),
+    },
+    Kind {
+        name: "adaptation",
+        largest: 0.01,
+        set: |p, s, u| p.adaptation = (s, 1.0 - log(0.001, 0.2, u[0])),
+    },
     Kind {
         name: "telegraph_dark",
         largest: 1.0,
@@ -77,7 +85,11 @@ pub const OUTSIDE: [Kind; 8] = [
         largest: 2.0,
         set: |p, s, u| p.dark_memory = (s, log(100.0, 1000.0, u[0])),
     },
-    Kind { name: "two populations of threshold noise", largest: 6.0, set: |p, s, u| p.noisy = (log(0.05, 0.3, u[0]), 1.0 + s) },
+    Kind {
+        name: "two populations of threshold noise",
+        largest: 6.0,
+        set: |p, s, u| p.noisy = (log(0.05, 0.3, u[0]), 1.0 + s),
+    },
     Kind { name: "after-pulses", largest: 0.05, set: |p, s, _| p.after_pulse = s },
 ];
 

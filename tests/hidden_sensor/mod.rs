@@ -53,7 +53,9 @@ impl Scene {
         match self {
             Self::Flat(light) => format!("{light:?}"),
             Self::Square { high, low, half_period } => {
-                format!("{{ kind = \"square\", high = {high:?}, low = {low:?}, half_period = {half_period} }}")
+                format!(
+                    "{{ kind = \"square\", high = {high:?}, low = {low:?}, half_period = {half_period} }}"
+                )
             }
             Self::Checkerboard { high, low, cell } => {
                 format!("{{ kind = \"checkerboard\", high = {high:?}, low = {low:?}, cell = {cell} }}")
@@ -90,8 +92,7 @@ pub const SMALL: Size = Size { width: 48, height: 48, readouts: 4000 };
 pub fn write_set(sensor: &Sensor, size: Size, take: u64, folder: &Path) {
     std::fs::create_dir_all(folder).unwrap();
     let streams = streams(sensor, size, take);
-    let mut toml =
-        format!("width = {}\nheight = {}\nreadout_hz = {READOUT_HZ:?}\n", size.width, size.height);
+    let mut toml = format!("width = {}\nheight = {}\nreadout_hz = {READOUT_HZ:?}\n", size.width, size.height);
     for ((name, scene), bits) in SCENES.iter().zip(&streams) {
         std::fs::write(folder.join(format!("{name}.dat")), bits).unwrap();
         let light = scene.toml();

@@ -177,11 +177,13 @@ impl Sensor {
             let (row, col) = (i / width, i % width);
             let lines = 1.0 + p.column_sigma * columns[col] + p.row_sigma * rows[row];
             let band = p.banding.0 * (std::f64::consts::TAU * (row + col) as f64 / p.banding.1).sin();
-            sensor.threshold[i] = p.electrons * (1.0 + p.threshold_spread * z_threshold[i]) * lines * (1.0 + band);
+            sensor.threshold[i] =
+                p.electrons * (1.0 + p.threshold_spread * z_threshold[i]) * lines * (1.0 + band);
             let border = row == 0 || col == 0 || row == height - 1 || col == width - 1;
             let falloff = 1.0 - p.vignetting * radius(row, col);
             let edge = if border { p.edge } else { 1.0 };
-            sensor.gain[i] = (1.0 + p.gain_spread * z_gain[i]) * (1.0 + p.smooth.0 * smooth[i]) * falloff * edge;
+            sensor.gain[i] =
+                (1.0 + p.gain_spread * z_gain[i]) * (1.0 + p.smooth.0 * smooth[i]) * falloff * edge;
             let z = p.gain_dark * z_gain[i] + (1.0 - p.gain_dark * p.gain_dark).sqrt() * z_dark[i];
             let tail = (p.dark_log_sigma * z_tail[i] - p.dark_log_sigma.powi(2) / 2.0).exp();
             sensor.dark[i] = (p.dark_mean + p.dark_spread * z).max(0.0) * tail;

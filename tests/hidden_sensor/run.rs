@@ -75,7 +75,9 @@ pub fn record(sensor: &Sensor, scene: Scene, readouts: usize, number: u64) -> Ve
         missing: (0..n).map(|i| sensor.threshold[i] * (1.0 - start.random::<f64>())).collect(),
         fired: vec![false; n],
         raised: vec![0.0; n],
-        wandered: (0..n).map(|_| if p.slow.0 > 0.0 { p.slow.0 * normal(&mut streams.slow) } else { 0.0 }).collect(),
+        wandered: (0..n)
+            .map(|_| if p.slow.0 > 0.0 { p.slow.0 * normal(&mut streams.slow) } else { 0.0 })
+            .collect(),
         stored: vec![0.0; n],
         switched: (0..n).map(|i| sensor.switching[i] && streams.switching.random::<bool>()).collect(),
         remembered: vec![0.0; n],
@@ -242,7 +244,8 @@ fn compare(sensor: &Sensor, i: usize, common: f64, pixels: &mut Pixels, streams:
     let own = sensor.threshold[i];
     if p.slow.0 > 0.0 {
         let kept = (-1.0 / p.slow.1).exp();
-        pixels.wandered[i] = kept * pixels.wandered[i] + p.slow.0 * (1.0 - kept * kept).sqrt() * normal(&mut streams.slow);
+        pixels.wandered[i] =
+            kept * pixels.wandered[i] + p.slow.0 * (1.0 - kept * kept).sqrt() * normal(&mut streams.slow);
     }
     if p.adaptation.0 > 0.0 {
         pixels.raised[i] *= p.adaptation.1;
