@@ -7,6 +7,8 @@ use spikelane::effects::{self, Camera};
 use spikelane::kernels::{self, Backend, Batch, Job, Light, Samples, Segment};
 use spikelane::plan::{Plan, State};
 use spikelane::sensor::Sensor;
+use spikelane::simulate::FrameRef;
+use spikelane::{Geometry, Simulator};
 
 /// Light of one run: two frames in one of the three sample types.
 #[derive(Clone, Debug)]
@@ -37,13 +39,27 @@ fn frames(pixels: usize) -> impl Strategy<Value = Frames> {
     ]
 }
 
-/// A camera with a random subset of all effects, at random strengths up to twice the typical.
+/// Whether plans with this effect leave the common bodies.
+fn is_further(definition: &'static effects::Definition) -> bool {
+    let camera = Camera::ideal(Sensor::new(4, 4, 20_000.0).unwrap()).with(dark()).with(definition.typical());
+    Plan::with_light(&camera, Seeds::default(), 0.5).unwrap().further().is_some()
+}
+
+/// What telegraph noise needs to show.
+fn dark() -> effects::Effect {
+    effects::find("dark_current").unwrap().typical()
+}
+
+/// A camera with a random subset of all effects, at random strengths up to twice the typical; every
+/// second one has no operation beyond those of the common bodies, the others have some.
 fn camera(width: u32, height: u32) -> impl Strategy<Value = Camera> {
     let strengths = proptest::collection::vec((any::<bool>(), 0.0..2.0f64, 0..4u8), effects::ALL.len());
-    strengths.prop_map(move |strengths| {
+    let further: Vec<bool> = effects::ALL.iter().map(|d| is_further(d)).collect();
+    (any::<bool>(), strengths).prop_map(move |(beyond, strengths)| {
         let mut camera = Camera::ideal(Sensor::new(width, height, 20_000.0).unwrap());
-        for (definition, (present, strength, choice)) in effects::ALL.iter().zip(strengths) {
-            if present {
+        let all = effects::ALL.iter().zip(strengths).zip(&further);
+        for ((definition, (present, strength, choice)), further) in all {
+            if present && (beyond || !further) {
                 camera = camera.with(effect(definition, strength, choice));
             }
         }
@@ -77,12 +93,18 @@ fn run(
     let (from, to) = frames.pair();
     let held = readouts / 2;
     let weights: Vec<f32> = (0..readouts - held).map(|i| i as f32 / 64.0).collect();
-    let segments = [
-        Segment { readouts: held, light: Light::Held(from) },
-        Segment { readouts: readouts - held, light: Light::Between { from, to, weights: &weights } },
-    ];
-    let batch = Batch::new(plan, 0, &segments);
     let mut state = plan.start();
+    if plan.couples() {
+        // One readout at a time, which the simulator does.
+        let mut simulator = Simulator::of_plan(plan.clone()).with_backend(backend).unwrap();
+        let held = vec![Segment { readouts: 1, light: Light::Held(from) }; held];
+        let all = held.into_iter().chain(weights.chunks(1).map(|w| between((from, to), w)));
+        let geometry = plan.geometry();
+        let outs = all.map(|segment| stepped(&mut simulator, &segment, geometry)).collect();
+        return (outs, simulator.state().clone());
+    }
+    let segments = [Segment { readouts: held, light: Light::Held(from) }, between((from, to), &weights)];
+    let batch = Batch::new(plan, 0, &segments);
     let outs = state
         .tiles(tile)
         .iter_mut()
@@ -95,6 +117,23 @@ fn run(
         })
         .collect();
     (outs, state)
+}
+
+fn between<'a>((from, to): (Samples<'a>, Samples<'a>), weights: &'a [f32]) -> Segment<'a> {
+    Segment { readouts: weights.len(), light: Light::Between { from, to, weights } }
+}
+
+/// One readout through the simulator.
+fn stepped(simulator: &mut Simulator, segment: &Segment<'_>, geometry: Geometry) -> Vec<u8> {
+    let mut out = vec![0xa5; geometry.frame_bytes()];
+    match segment.light {
+        Light::Held(samples) => simulator.push(FrameRef::dense(samples, geometry), &mut out).unwrap(),
+        Light::Between { from, to, weights } => {
+            let (from, to) = (FrameRef::dense(from, geometry), FrameRef::dense(to, geometry));
+            simulator.push_between(from, to, weights, &mut out).unwrap();
+        }
+    }
+    out
 }
 
 fn vectors() -> impl Iterator<Item = Backend> {

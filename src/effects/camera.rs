@@ -2,7 +2,7 @@
 
 use crate::draws::Seeds;
 use crate::error::{Error, Kind, Result};
-use crate::pixel::{Law, Op, Quanta};
+use crate::pixel::{Adaptation, Lag, Law, Op, Quanta, SlowNoise, Telegraph};
 use crate::sensor::Sensor;
 
 use super::circuit::Circuit;
@@ -220,7 +220,34 @@ impl Model {
                 law.missed += missed;
                 law.spurious += spurious;
             }
-            Op::Phase { .. } => {}
+            Op::Response { quadratic } => law.quadratic = quadratic,
+            Op::Flicker { depth, frequency_hz, phase_turns } => {
+                law.schedule.depth = depth;
+                law.schedule.turns_per_readout = frequency_hz * c.period_s;
+                law.schedule.phase_turns = phase_turns;
+            }
+            Op::Drift { change, readouts } => {
+                law.schedule.change = change;
+                law.schedule.readouts = readouts;
+            }
+            Op::Lag { fraction, time_constant } => {
+                law.lag = Lag { fraction, kept: kept(time_constant) };
+            }
+            Op::Crosstalk { share } => law.crosstalk = share,
+            Op::Telegraph { rate } => {
+                let share = c.telegraph.get(p).copied().unwrap_or(0.0);
+                law.telegraph = Telegraph { amplitude: share * law.dark, rate };
+            }
+            Op::Leak { fraction } => law.leak = fraction,
+            Op::SpikeCoupling { charge } => law.coupling = charge,
+            Op::ComparatorNoise { sigma } => law.comparator = sigma,
+            Op::RowNoise { sigma } => law.row_noise = sigma,
+            Op::SlowThresholdNoise { sigma, time_constant } => {
+                law.slow = SlowNoise { sigma, kept: kept(time_constant) };
+            }
+            Op::Adaptation { rise, decay } => law.adaptation = Adaptation { rise, decay },
+            Op::SupplyDroop { depth } => law.droop = depth,
+            Op::Phase { .. } | Op::DropReadouts { .. } | Op::RepeatReadouts { .. } => {}
         }
     }
 
@@ -274,4 +301,9 @@ impl Model {
     pub fn electrons(&self) -> f64 {
         self.circuit.electrons()
     }
+}
+
+/// Share that a decay with this time constant leaves after a readout.
+fn kept(time_constant: f64) -> f64 {
+    libm::exp(-1.0 / time_constant)
 }

@@ -25,6 +25,9 @@ pub struct Circuit {
     pub gain: Vec<f64>,
     /// Dark current in picoamperes.
     pub dark_pa: Vec<f64>,
+    /// Relative distance of both values of a dark current that switches from their mean, zero
+    /// where it does not; empty when no pixel's does.
+    pub telegraph: Vec<f64>,
 }
 
 impl Circuit {
@@ -42,6 +45,7 @@ impl Circuit {
             swing_v: vec![sensor.swing_v; n],
             gain: vec![1.0; n],
             dark_pa: vec![0.0; n],
+            telegraph: Vec::new(),
         }
     }
 

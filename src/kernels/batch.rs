@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use crate::draws::hash::{Clock, Round};
-use crate::plan::Plan;
+use crate::kernels::modulation::Modulation;
+use crate::plan::{Plan, State};
 
 /// Linear light of one frame, row-major, top row first, one value per pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,17 +85,38 @@ pub struct Rounds {
 pub struct Batch<'a> {
     segments: Vec<(Range<usize>, Light<'a>)>,
     rounds: Rounds,
+    modulation: Modulation,
     readouts: usize,
 }
 
 impl<'a> Batch<'a> {
+    /// The readouts that follow `state`, in the light of `segments`; one alone where pixels act on each other.
+    ///
+    /// # Panics
+    /// When a frame has fewer samples than the plan has pixels, a segment
+    /// has another number of weights than of readouts, or pixels act on each
+    /// other ([`Plan::couples`]) and there is more than one readout.
+    #[must_use]
+    pub fn after(plan: &Plan, state: &State, segments: &'a [Segment<'a>]) -> Self {
+        let mut batch = Self::uncoupled(plan, state.readout(), segments);
+        assert!(!plan.couples() || batch.readouts == 1, "pixels act on each other: one readout at a time");
+        batch.modulation.couple(plan, state);
+        batch
+    }
+
     /// The readouts from `first` on, in the light of `segments`.
     ///
     /// # Panics
-    /// When a frame has fewer samples than the plan has pixels, or a segment
-    /// has another number of weights than of readouts.
+    /// When a frame has fewer samples than the plan has pixels, a segment
+    /// has another number of weights than of readouts, or pixels act on each
+    /// other, which [`Batch::after`] is for.
     #[must_use]
     pub fn new(plan: &Plan, first: u64, segments: &'a [Segment<'a>]) -> Self {
+        assert!(!plan.couples(), "pixels act on each other: use Batch::after");
+        Self::uncoupled(plan, first, segments)
+    }
+
+    fn uncoupled(plan: &Plan, first: u64, segments: &'a [Segment<'a>]) -> Self {
         let pixels = plan.geometry().pixels();
         for segment in segments {
             let enough = match segment.light {
@@ -114,7 +136,8 @@ impl<'a> Batch<'a> {
             end += s.readouts;
             (begin..end, s.light)
         });
-        Self { segments: placed.collect(), rounds, readouts }
+        let modulation = Modulation::new(plan, first, readouts);
+        Self { segments: placed.collect(), rounds, modulation, readouts }
     }
 
     /// Number of readouts.
@@ -127,6 +150,12 @@ impl<'a> Batch<'a> {
     #[must_use]
     pub fn rounds(&self) -> &Rounds {
         &self.rounds
+    }
+
+    /// What the rarer operations need.
+    #[must_use]
+    pub fn modulation(&self) -> &Modulation {
+        &self.modulation
     }
 
     /// The segments with the readouts of the batch that each covers.

@@ -14,7 +14,7 @@
 //! threshold ([`NONE`], [`READOUT`], [`RESET`]), how charge is stored (`STORE`:
 //! [`FREE`], [`CLAMPED`], [`SURPLUS`]), `WHOLE` for increments without a
 //! fraction. With `ANY` the plan is asked at run time instead, and the rarer
-//! rules apply too.
+//! rules apply too. Operations beyond these have a body of their own, `general`.
 //!
 //! Rejected: one draw for light and threshold together (shot charge always
 //! stays, threshold noise counts only at a spike); skipping threshold draws
@@ -24,6 +24,7 @@
 use std::ops::Range;
 
 use crate::kernels::bare::bare;
+use crate::kernels::general::general;
 use crate::kernels::increment::{Fine, Increment, Sample, cut_off, sample};
 use crate::kernels::lanes::Lanes;
 use crate::kernels::pass::{Pass, Row, passes};
@@ -37,12 +38,12 @@ use crate::plan::{NoiseTable, StateParts};
 /// The cases that have a function of their own in every backend: one function
 /// with all of them has fifty thousand instructions, and the compiler then
 /// stops to inline and spills what it could keep.
-pub(super) const CASES: u8 = 9;
+pub(super) const CASES: u8 = 10;
 
 /// Evaluates an expression with the number of the job's case as a constant.
 macro_rules! by_case {
     ($job:expr, $case:ident => $e:expr) => {
-        by_case!(@ $job, $case, $e, [0, 1, 2, 3, 4, 5, 6, 7])
+        by_case!(@ $job, $case, $e, [0, 1, 2, 3, 4, 5, 6, 7, 8])
     };
     (@ $job:expr, $case:ident, $e:expr, [$($n:literal),*]) => {
         match body::case($job) {
@@ -55,6 +56,9 @@ pub(super) use by_case;
 
 /// The case of a job.
 pub(super) fn case(job: &Job<'_>) -> u8 {
+    if job.plan.further().is_some() {
+        return CASES - 1;
+    }
     let (tables, rules) = (job.plan.tables(), job.plan.rules());
     let noise = match (&tables.noise, rules.redraw) {
         (None, _) => Some(NONE),
@@ -79,7 +83,7 @@ pub(super) fn case(job: &Job<'_>) -> u8 {
         (true, Some(READOUT), CLAMPED) => 5,
         (true, Some(READOUT), SURPLUS) => 6,
         (true, Some(RESET), CLAMPED) => 7,
-        _ => CASES - 1,
+        _ => 8,
     }
 }
 
@@ -95,7 +99,8 @@ pub(super) fn run<L: Lanes, const CASE: u8>(l: L, job: &Job<'_>, state: &mut Sta
         5 => noisy::<L, READOUT, CLAMPED, false>(l, job, state, out),
         6 => noisy::<L, READOUT, SURPLUS, false>(l, job, state, out),
         7 => noisy::<L, RESET, CLAMPED, false>(l, job, state, out),
-        _ => noisy::<L, NONE, SURPLUS, true>(l, job, state, out),
+        8 => noisy::<L, NONE, SURPLUS, true>(l, job, state, out),
+        _ => general(l, job, state, out),
     }
 }
 

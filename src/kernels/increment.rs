@@ -246,13 +246,18 @@ pub(super) fn sample_bytes<L: Lanes>(l: L, samples: &[u8], p: usize) -> L::Half 
 fn end_of_f(samples: Samples<'_>, p: usize) -> [f32; 32] {
     let mut light = [0.0f32; 32];
     for (i, value) in light.iter_mut().enumerate() {
-        *value = match samples {
-            Samples::U8(s) => s.get(p + i).map_or(0.0, |v| f32::from(*v)),
-            Samples::U16(s) => s.get(p + i).map_or(0.0, |v| f32::from(*v) / 257.0),
-            Samples::F32(s) => s.get(p + i).map_or(0.0, |v| *v * 255.0),
-        };
+        *value = scalar(samples, p + i);
     }
     light
+}
+
+/// Light of one pixel in 1/255 of full scale; padding is dark.
+pub(super) fn scalar(samples: Samples<'_>, p: usize) -> f32 {
+    match samples {
+        Samples::U8(s) => s.get(p).map_or(0.0, |v| f32::from(*v)),
+        Samples::U16(s) => s.get(p).map_or(0.0, |v| f32::from(*v) / 257.0),
+        Samples::F32(s) => s.get(p).map_or(0.0, |v| *v * 255.0),
+    }
 }
 
 #[cold]

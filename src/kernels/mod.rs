@@ -16,17 +16,21 @@ mod backend;
 mod bare;
 mod batch;
 mod body;
+mod general;
 mod increment;
 mod lanes;
+mod modulation;
 mod pass;
 mod pixels;
 mod portable;
 mod rare;
 pub mod reference;
+mod reference_further;
 mod step;
 
 pub use backend::Backend;
 pub use batch::{Batch, Job, Light, Rounds, Samples, Segment};
+pub use modulation::Modulation;
 
 use crate::plan::StateParts;
 

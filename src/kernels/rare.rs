@@ -26,7 +26,7 @@ pub(super) fn readout<L: Lanes>(
     }
     let fractions = matches!(job.plan.tables().noise, Some(NoiseTable::Fine(_)));
     let fired = if fractions || job.plan.rules().kept_remainder != 1.0 {
-        compare_words(l, job, t, constants, pixel)
+        compare_words(l, job, t, constants, None, pixel)
     } else {
         compare(l, job, t, constants, pixel)
     };
@@ -37,7 +37,7 @@ pub(super) fn readout<L: Lanes>(
 }
 
 #[inline(always)]
-fn gather_charge<L: Lanes>(
+pub(super) fn gather_charge<L: Lanes>(
     l: L,
     job: &Job<'_>,
     t: usize,
@@ -108,13 +108,15 @@ fn compare<L: Lanes>(
     fired
 }
 
-/// Compares and resets with fractions, for fine threshold noise and resets that lose a remainder.
+/// Compares and resets with fractions, for fine threshold noise and resets that lose a remainder. The
+/// first of `offsets` moves the threshold, the second only what charge is compared with.
 #[inline(always)]
-fn compare_words<L: Lanes>(
+pub(super) fn compare_words<L: Lanes>(
     l: L,
     job: &Job<'_>,
     t: usize,
     constants: &Constants<L>,
+    offsets: Option<(L::Word, L::Word)>,
     pixel: &mut Pixels<L>,
 ) -> L::Mask {
     let (tables, rules) = (job.plan.tables(), job.plan.rules());
@@ -129,9 +131,14 @@ fn compare_words<L: Lanes>(
             }
         }
     };
-    let noise = if frozen { l.join(pixel.held, pixel.held_fraction) } else { fresh };
+    let mut noise = if frozen { l.join(pixel.held, pixel.held_fraction) } else { fresh };
     let charge = pixel.word(l);
-    let reached = l.not(l.greater_w(noise, charge));
+    let mut bar = noise;
+    if let Some((moved, only)) = offsets {
+        noise = l.add_w(noise, moved);
+        bar = l.add_w(noise, only);
+    }
+    let reached = l.not(l.greater_w(bar, charge));
     let threshold = l.join(constants.threshold, l.splat(0));
     let borrowed = l.and(l.not(reached), l.greater(pixel.surplus, l.splat(0)));
     let fired = l.or(reached, borrowed);
@@ -157,13 +164,19 @@ fn compare_words<L: Lanes>(
 }
 
 #[inline(always)]
-fn select_word<L: Lanes>(l: L, m: L::Mask, a: L::Word, b: L::Word) -> L::Word {
+pub(super) fn select_word<L: Lanes>(l: L, m: L::Mask, a: L::Word, b: L::Word) -> L::Word {
     let high = l.select(m, l.high(a), l.high(b));
     l.join(high, l.select(m, l.low(a), l.low(b)))
 }
 
 #[inline(always)]
-fn flip<L: Lanes>(l: L, job: &Job<'_>, t: usize, constants: &Constants<L>, fired: L::Mask) -> L::Mask {
+pub(super) fn flip<L: Lanes>(
+    l: L,
+    job: &Job<'_>,
+    t: usize,
+    constants: &Constants<L>,
+    fired: L::Mask,
+) -> L::Mask {
     let Some(flip) = job.plan.rules().flip else { return fired };
     let rounds = job.batch.rounds();
     let mut reported = fired;
@@ -180,7 +193,13 @@ fn flip<L: Lanes>(l: L, job: &Job<'_>, t: usize, constants: &Constants<L>, fired
 
 /// Whether the pixel's 32 random bits are below `probability`.
 #[inline(always)]
-fn below<L: Lanes>(l: L, keys: L::Half, words: &[Vec<Round>; 2], t: usize, probability: u32) -> L::Mask {
+pub(super) fn below<L: Lanes>(
+    l: L,
+    keys: L::Half,
+    words: &[Vec<Round>; 2],
+    t: usize,
+    probability: u32,
+) -> L::Mask {
     // Signed comparison orders words whose top bit is inverted.
     let sign = l.splat(i16::MIN);
     let high = l.xor(hash(l, keys, &words[0][t]), sign);

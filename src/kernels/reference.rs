@@ -5,6 +5,7 @@
 
 use crate::draws::hash::{Round, bits, half, key};
 use crate::draws::{gauss, poisson};
+use crate::kernels::reference_further::{self as further, Lingering};
 use crate::kernels::{Job, Light, Samples};
 use crate::pixel::Redraw;
 use crate::plan::{NoiseTable, Plan, StateParts};
@@ -32,6 +33,7 @@ struct Pixel {
     surplus: i16,
     fired: bool,
     held: i32,
+    lingering: Lingering,
 }
 
 /// See [`crate::kernels::run`].
@@ -42,7 +44,10 @@ pub fn run(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
         let mut pixel = load(state, i);
         for (readouts, light) in job.batch.segments() {
             for (k, t) in readouts.clone().enumerate() {
-                let increment = increment(job.plan, p, light_at(light, p, k));
+                let light = light_at(job.plan, light, p, k).min(job.plan.rules().greatest_light);
+                let light = further::seen(job, t, light, &mut pixel.lingering);
+                let dark = further::dark(job, p, t, &mut pixel.lingering);
+                let increment = increment(job.plan, p, light, dark);
                 if readout(job, p, t, &increment, &mut pixel) {
                     out[t * bytes + i / 8] |= 1 << (i % 8);
                 }
@@ -61,6 +66,7 @@ fn load(state: &StateParts<'_>, i: usize) -> Pixel {
         surplus: state.surplus.get(i).copied().unwrap_or(0),
         fired: state.fired.get(i).is_some_and(|f| *f != 0),
         held: i32::from(held) << 16 | i32::from(held_fraction as u16),
+        lingering: Lingering::load(state, i),
     }
 }
 
@@ -78,10 +84,11 @@ fn store(state: &mut StateParts<'_>, i: usize, pixel: &Pixel) {
             *slot = value;
         }
     }
+    pixel.lingering.store(state, i);
 }
 
 /// Light of pixel `p` in 1/255 of full scale; padding is dark.
-fn sample(samples: &Samples<'_>, p: usize) -> f32 {
+pub(super) fn sample(samples: &Samples<'_>, p: usize) -> f32 {
     match samples {
         Samples::U8(s) => s.get(p).map_or(0.0, |v| f32::from(*v)),
         Samples::U16(s) => s.get(p).map_or(0.0, |v| f32::from(*v) / 257.0),
@@ -89,12 +96,12 @@ fn sample(samples: &Samples<'_>, p: usize) -> f32 {
     }
 }
 
-fn light_at(light: &Light<'_>, p: usize, k: usize) -> f32 {
+fn light_at(plan: &Plan, light: &Light<'_>, p: usize, k: usize) -> f32 {
     match light {
-        Light::Held(samples) => sample(samples, p),
+        Light::Held(samples) => further::spread(plan, samples, p),
         Light::Between { from, to, weights } => {
-            let start = sample(from, p);
-            start + (sample(to, p) - start) * weights[k]
+            let start = further::spread(plan, from, p);
+            start + (further::spread(plan, to, p) - start) * weights[k]
         }
     }
 }
@@ -106,7 +113,7 @@ const LEAST: f32 = -1_073_741_824.0;
 /// A factor of the step, and the multiplier's unit.
 const ROOT: f32 = (0.703_952_25 * 32_768.0 / gauss::SCALE / 65_536.0) as f32;
 
-fn fixed(value: f32) -> i32 {
+pub(super) fn fixed(value: f32) -> i32 {
     value.clamp(LEAST, MOST).round_ties_even() as i32
 }
 
@@ -119,10 +126,9 @@ fn root(x: f32) -> f32 {
     t * (ROOT * (2.389_244_6 - t * guess))
 }
 
-fn increment(plan: &Plan, p: usize, light: f32) -> Increment {
+fn increment(plan: &Plan, p: usize, light: f32, dark: f32) -> Increment {
     let (tables, rules) = (plan.tables(), plan.rules());
-    let light = light.min(rules.greatest_light);
-    let mean = light * tables.gain[p] + tables.dark[p];
+    let mean = light * tables.gain[p] + dark;
     let mut result = Increment {
         mean: fixed(mean),
         after_spike: fixed(mean * (1.0 - rules.lost_increment)),
@@ -155,19 +161,23 @@ fn scaled(unit: i16, multiplier: i16) -> i16 {
     ((i32::from(unit) * i32::from(multiplier) + (1 << 14)) >> 15) as i16
 }
 
-fn unit(round: Round, p: usize) -> i16 {
+pub(super) fn unit(round: Round, p: usize) -> i16 {
     gauss::unit(half(bits(key(p as u32 / 2), round), p))
 }
 
 /// One readout; returns the reported bit.
 fn readout(job: &Job<'_>, p: usize, t: usize, increment: &Increment, pixel: &mut Pixel) -> bool {
     let rules = job.plan.rules();
+    let stored = i32::from(pixel.charge) << 16 | i32::from(pixel.fraction);
+    add(pixel, further::leaked(job.plan, p, stored));
     gather_charge(job, p, t, increment, pixel);
+    add(pixel, further::given(job, p));
     if let Some(&ceiling) = job.plan.tables().ceiling.get(p) {
         pixel.charge = pixel.charge.min(ceiling);
     }
     let fired = compare(job, p, t, pixel);
     pixel.fired = fired;
+    pixel.lingering.adapt(job.plan, fired);
     let Some(flip) = rules.flip else { return fired };
     let rounds = job.batch.rounds();
     let (words, probability) =
@@ -175,7 +185,7 @@ fn readout(job: &Job<'_>, p: usize, t: usize, increment: &Increment, pixel: &mut
     fired != (probability != 0 && flip_draw(words, p, t) < probability)
 }
 
-fn flip_draw(words: &[Vec<Round>; 2], p: usize, t: usize) -> u32 {
+pub(super) fn flip_draw(words: &[Vec<Round>; 2], p: usize, t: usize) -> u32 {
     let part = |i: usize| u32::from(half(bits(key(p as u32 / 2), words[i][t]), p));
     part(0) << 16 | part(1)
 }
@@ -224,9 +234,10 @@ fn compare(job: &Job<'_>, p: usize, t: usize, pixel: &mut Pixel) -> bool {
         Some(NoiseTable::Fine(m)) => fixed(f32::from(unit(job.batch.rounds().thermal[t], p)) * m[p]),
     };
     let frozen = rules.redraw == Redraw::EveryReset;
-    let noise = if frozen { pixel.held } else { fresh() };
+    let offset = further::offset(job, p, t, &mut pixel.lingering);
+    let noise = (if frozen { pixel.held } else { fresh() }).wrapping_add(offset);
     let mut charge = i32::from(pixel.charge) << 16 | i32::from(pixel.fraction);
-    let reached = charge >= noise;
+    let reached = charge >= noise.wrapping_add(further::compared(job, p, t));
     let borrowed = !reached && pixel.surplus > 0;
     let fired = reached || borrowed;
     if fired {

@@ -1,4 +1,4 @@
-use crate::pixel::Redraw;
+use crate::pixel::{Adaptation, Lag, Redraw, Schedule, SlowNoise, Surround, Telegraph};
 
 /// One pixel's constants. Charges are in nominal thresholds of the sensor,
 /// light in full scales.
@@ -32,6 +32,30 @@ pub struct Law {
     pub missed: f64,
     /// Probability that a silent readout reports a spike.
     pub spurious: f64,
+    /// Light acts as `light (1 + quadratic light)`, up to where that peaks.
+    pub quadratic: f64,
+    /// Changes of the light with the readouts.
+    pub schedule: Schedule,
+    /// Share of the light that arrives late.
+    pub lag: Lag,
+    /// Switching dark current.
+    pub telegraph: Telegraph,
+    /// Share of the stored charge that a readout loses.
+    pub leak: f64,
+    /// Standard deviation of noise that is compared with and not subtracted, in own thresholds.
+    pub comparator: f64,
+    /// Standard deviation of the threshold's noise that a row shares, in own thresholds.
+    pub row_noise: f64,
+    /// Wandering threshold.
+    pub slow: SlowNoise,
+    /// Threshold that spikes raise.
+    pub adaptation: Adaptation,
+    /// Share of the light that goes to the four neighbours.
+    pub crosstalk: f64,
+    /// Charge that a spike gives to each neighbour at the next readout, in their own thresholds.
+    pub coupling: f64,
+    /// Fall of the threshold when all pixels fired at the readout before, in own thresholds.
+    pub droop: f64,
 }
 
 /// What a pixel remembers from one readout to the next.
@@ -43,6 +67,16 @@ pub struct State {
     pub fired: bool,
     /// The frozen value of the threshold noise, for [`Redraw::EveryReset`].
     pub held: f64,
+    /// The readout that comes next.
+    pub readout: u64,
+    /// The wandering threshold's deviation, in own thresholds.
+    pub slow: f64,
+    /// What spikes have raised the threshold by, in own thresholds.
+    pub adapted: f64,
+    /// The light that is late; none before the first readout, which finds it at its balance.
+    pub late: Option<f64>,
+    /// Whether the dark current has its lower value.
+    pub low: bool,
 }
 
 /// Where a law takes its randomness from.
@@ -72,37 +106,130 @@ impl Law {
         floor: f64::NEG_INFINITY,
         missed: 0.0,
         spurious: 0.0,
+        quadratic: 0.0,
+        schedule: Schedule {
+            depth: 0.0,
+            turns_per_readout: 0.0,
+            phase_turns: 0.0,
+            change: 0.0,
+            readouts: 1.0,
+        },
+        lag: Lag { fraction: 0.0, kept: 0.0 },
+        telegraph: Telegraph { amplitude: 0.0, rate: 0.0 },
+        leak: 0.0,
+        comparator: 0.0,
+        row_noise: 0.0,
+        slow: SlowNoise { sigma: 0.0, kept: 0.0 },
+        adaptation: Adaptation { rise: 0.0, decay: 0.0 },
+        crosstalk: 0.0,
+        coupling: 0.0,
+        droop: 0.0,
     };
 
     /// The pixel just after it was switched on with `charge`.
     pub fn start(&self, charge: f64, noise: &mut impl Noise) -> State {
-        State { charge, fired: false, held: self.noise * noise.normal() }
+        let held = self.noise * noise.normal();
+        let mut state = State { charge, held, ..State::default() };
+        if self.slow.sigma > 0.0 {
+            state.slow = self.slow.sigma * noise.normal();
+        }
+        if self.telegraph.amplitude != 0.0 {
+            state.low = noise.uniform() < 0.5;
+        }
+        state
     }
 
-    /// One readout under `light`; returns the reported bit.
+    /// One readout under `light` of a pixel without neighbours; returns the reported bit. Noise
+    /// that a row shares is then its own.
     pub fn step(&self, state: &mut State, light: f64, noise: &mut impl Noise) -> bool {
+        let row = if self.row_noise > 0.0 { self.row_noise * noise.normal() } else { 0.0 };
+        self.step_among(state, light, Surround { charge: 0.0, offset: row }, noise)
+    }
+
+    /// One readout under `light`, which has passed the optics, among other pixels.
+    pub fn step_among(
+        &self,
+        state: &mut State,
+        light: f64,
+        surround: Surround,
+        noise: &mut impl Noise,
+    ) -> bool {
+        let light = self.seen(state, light);
+        let mut charge = self.gain * light + self.dark + self.switched(state, noise);
         let quanta = self.quanta_light * light + self.quanta_dark;
-        let mut charge = self.gain * light + self.dark;
         if self.quantum > 0.0 && quanta > 0.0 {
             charge += self.quantum * (noise.poisson(quanta) - quanta);
         }
         if state.fired {
             charge *= 1.0 - self.lost_increment;
         }
+        charge += surround.charge * self.threshold - self.leak * state.charge;
         state.charge = (state.charge + charge).min(self.ceiling).max(self.floor);
+        self.compare(state, surround.offset, noise);
+        state.readout += 1;
+        let flip = noise.uniform();
+        if state.fired { flip >= self.missed } else { flip < self.spurious }
+    }
+
+    /// The light that acts: the response of the pixel to `light`.
+    fn response(&self, light: f64) -> f64 {
+        let peak = if self.quadratic < 0.0 { -0.5 / self.quadratic } else { f64::INFINITY };
+        let light = light.min(peak);
+        light * (1.0 + self.quadratic * light)
+    }
+
+    /// The most that light of at most `light` can act as at any readout.
+    #[must_use]
+    pub fn brightest(&self, light: f64) -> f64 {
+        self.response(light * self.schedule.greatest())
+    }
+
+    /// The largest offset of the threshold, in own thresholds, where normal draws end at `reach` deviations.
+    #[must_use]
+    pub fn sway(&self, reach: f64) -> f64 {
+        let drawn = reach * (self.row_noise + self.comparator);
+        drawn + SlowNoise::REACH * self.slow.sigma + self.adaptation.highest() + self.droop.abs()
+    }
+
+    /// The light that turns into charge now.
+    fn seen(&self, state: &mut State, light: f64) -> f64 {
+        let light = self.response(light * self.schedule.factor(state.readout));
+        let late = state.late.unwrap_or(light);
+        state.late = Some(late + (1.0 - self.lag.kept) * (light - late));
+        light + self.lag.fraction * (late - light)
+    }
+
+    /// The dark current's distance from its mean.
+    fn switched(&self, state: &mut State, noise: &mut impl Noise) -> f64 {
+        if self.telegraph.amplitude == 0.0 {
+            return 0.0;
+        }
+        state.low ^= noise.uniform() < self.telegraph.rate;
+        if state.low { -self.telegraph.amplitude } else { self.telegraph.amplitude }
+    }
+
+    /// Compares with the threshold and resets.
+    fn compare(&self, state: &mut State, offset: f64, noise: &mut impl Noise) {
+        if self.slow.sigma > 0.0 {
+            let bound = SlowNoise::REACH * self.slow.sigma;
+            let next = self.slow.kept * state.slow + self.slow.step() * noise.normal();
+            state.slow = next.clamp(-bound, bound);
+        }
         let fresh = self.noise * noise.normal();
-        let threshold = self.threshold
+        let threshold = self.threshold * (1.0 + offset + state.slow + state.adapted)
             + match self.redraw {
                 Redraw::EveryReadout => fresh,
                 Redraw::EveryReset => state.held,
             };
-        state.fired = state.charge >= threshold;
+        let unsubtracted =
+            if self.comparator > 0.0 { self.comparator * self.threshold * noise.normal() } else { 0.0 };
+        state.fired = state.charge >= threshold + unsubtracted;
+        state.adapted *= self.adaptation.decay;
         if state.fired {
             state.charge = (state.charge - threshold) * (1.0 - self.lost_remainder);
             state.held = fresh;
+            state.adapted = (state.adapted + self.adaptation.rise).min(Adaptation::HIGHEST);
         }
-        let flip = noise.uniform();
-        if state.fired { flip >= self.missed } else { flip < self.spurious }
     }
 }
 

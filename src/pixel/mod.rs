@@ -5,9 +5,13 @@
 //! open as explicit data. It shares no code with the kernels, which compute
 //! in integers; tests compare the two by statistics.
 
+mod frame;
 mod law;
+mod parts;
 
+pub use frame::Frame;
 pub use law::{Law, Noise, State};
+pub use parts::{Adaptation, Lag, Schedule, SlowNoise, Surround, Telegraph};
 
 /// When threshold noise takes a new value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -73,6 +77,93 @@ pub enum Op {
         missed: f64,
         /// Probability that a silent readout reports a spike.
         spurious: f64,
+    },
+    /// Light acts as `light (1 + quadratic light)`.
+    Response {
+        /// Relative change at full scale.
+        quadratic: f64,
+    },
+    /// The light swings with the readouts.
+    Flicker {
+        /// Amplitude relative to the light.
+        depth: f64,
+        /// Swings per second.
+        frequency_hz: f64,
+        /// Phase at the first readout, in turns.
+        phase_turns: f64,
+    },
+    /// The gain of the light changes steadily.
+    Drift {
+        /// Relative change when it is over.
+        change: f64,
+        /// Readouts that it takes.
+        readouts: f64,
+    },
+    /// Stored charge loses a share at every readout.
+    Leak {
+        /// Lost share.
+        fraction: f64,
+    },
+    /// Noise that is compared with, and not subtracted.
+    ComparatorNoise {
+        /// Standard deviation in the pixel's own thresholds.
+        sigma: f64,
+    },
+    /// Noise of the threshold that the pixels of a row share.
+    RowNoise {
+        /// Standard deviation in the pixel's own thresholds.
+        sigma: f64,
+    },
+    /// The threshold wanders: an Ornstein-Uhlenbeck process.
+    SlowThresholdNoise {
+        /// Standard deviation in the pixel's own thresholds.
+        sigma: f64,
+        /// Readouts after which the correlation has fallen to 1/e.
+        time_constant: f64,
+    },
+    /// A spike raises the threshold, which then falls back.
+    Adaptation {
+        /// Rise per spike in the pixel's own thresholds.
+        rise: f64,
+        /// Share of the rise that a readout leaves.
+        decay: f64,
+    },
+    /// The dark current of the pixels that the circuit marks switches between two values.
+    Telegraph {
+        /// Probability of switching per readout.
+        rate: f64,
+    },
+    /// Part of the light arrives late.
+    Lag {
+        /// Late share.
+        fraction: f64,
+        /// Readouts after which 1/e of it is still to come.
+        time_constant: f64,
+    },
+    /// Light is shared with the four neighbours.
+    Crosstalk {
+        /// Share given away, to the four together.
+        share: f64,
+    },
+    /// A spike adds charge to its four neighbours at the next readout.
+    SpikeCoupling {
+        /// Charge in the neighbour's own thresholds.
+        charge: f64,
+    },
+    /// Thresholds fall with the spikes of the previous readout.
+    SupplyDroop {
+        /// Fall when every pixel fired, in the pixel's own thresholds.
+        depth: f64,
+    },
+    /// Whole readouts are lost.
+    DropReadouts {
+        /// Probability per readout.
+        probability: f64,
+    },
+    /// Whole readouts are reported with the bits of the one before.
+    RepeatReadouts {
+        /// Probability per readout.
+        probability: f64,
     },
     /// The charge at the first readout.
     Phase {

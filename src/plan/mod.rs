@@ -10,12 +10,15 @@
 //! and of the bounds in [`Bounds`].
 
 mod bounds;
+mod further;
 mod scale;
 mod state;
 mod tables;
 
 pub use bounds::Bounds;
+pub use further::{Further, Late, Losses, Rise, Switch, Wander};
 pub(crate) use state::OTHER_PLAN;
+pub(crate) use state::{ADAPTED, LATE, LOW, SLOW};
 pub use state::{State, StateParts};
 pub use tables::{Flip, NoiseTable, Rules, Shot, Tables};
 
@@ -45,6 +48,18 @@ pub struct Clocks {
     pub missed: [Clock; 2],
     /// False spikes, coarse and fine.
     pub spurious: [Clock; 2],
+    /// Noise of the comparison.
+    pub comparator: Clock,
+    /// Noise of rows, addressed by the row.
+    pub row: Clock,
+    /// Steps of the wandering threshold.
+    pub slow: Clock,
+    /// Switching of the dark current, coarse and fine.
+    pub telegraph: [Clock; 2],
+    /// Lost readouts.
+    pub dropped: Clock,
+    /// Repeated readouts.
+    pub repeated: Clock,
 }
 
 impl Clocks {
@@ -56,6 +71,12 @@ impl Clocks {
             thermal: clock("thermal_noise"),
             missed: [clock("missed_spikes"), clock("missed_spikes/fine")],
             spurious: [clock("false_spikes"), clock("false_spikes/fine")],
+            comparator: clock("comparator_noise"),
+            row: clock("row_noise"),
+            slow: clock("slow_threshold_noise"),
+            telegraph: [clock("telegraph_dark"), clock("telegraph_dark/fine")],
+            dropped: clock("dropped_readouts"),
+            repeated: clock("repeated_readouts"),
         }
     }
 }
@@ -69,6 +90,8 @@ pub struct Plan {
     steps: u32,
     tables: Tables,
     rules: Rules,
+    further: Option<Further>,
+    losses: Losses,
     clocks: Clocks,
     counts: Option<poisson::Tables>,
     bounds: Bounds,
@@ -106,8 +129,9 @@ impl Plan {
     pub fn of_model(model: &Model, seeds: Seeds, greatest_light: f64) -> Result<Self> {
         let geometry = model.circuit.geometry;
         let scale = scale::choose(model, greatest_light)?;
-        let (tables, rules) = tables::build(model, &scale, greatest_light)?;
-        let start = state::start(model, seeds, &tables, &rules);
+        let (tables, rules, further) = tables::build(model, &scale, greatest_light)?;
+        let losses = Losses::of(model);
+        let start = state::start(model, seeds, &tables, &rules, further.as_ref(), losses);
         let counts = tables.shot.as_ref().map(|_| poisson::Tables::new());
         Ok(Self {
             geometry,
@@ -118,6 +142,8 @@ impl Plan {
             clocks: Clocks::new(seeds),
             tables,
             rules,
+            further,
+            losses,
             counts,
             start,
         })
@@ -157,6 +183,37 @@ impl Plan {
     #[must_use]
     pub fn rules(&self) -> &Rules {
         &self.rules
+    }
+
+    /// Rules and tables of the rarer operations, if there are any.
+    #[must_use]
+    pub fn further(&self) -> Option<&Further> {
+        self.further.as_ref()
+    }
+
+    /// Whether pixels act on each other, so that a batch is one readout.
+    #[must_use]
+    pub fn couples(&self) -> bool {
+        self.further.as_ref().is_some_and(Further::couples)
+    }
+
+    /// Whole readouts that go wrong.
+    #[must_use]
+    pub fn losses(&self) -> Losses {
+        self.losses
+    }
+
+    /// Whether `readout` is lost.
+    #[must_use]
+    pub fn is_dropped(&self, readout: u64) -> bool {
+        self.losses.dropped != 0 && self.clocks.dropped.bits(0, readout) < self.losses.dropped
+    }
+
+    /// Whether `readout` is reported with the bits of the one before; the first never is.
+    #[must_use]
+    pub fn is_repeated(&self, readout: u64) -> bool {
+        let drawn = || self.clocks.repeated.bits(0, readout) < self.losses.repeated;
+        self.losses.repeated != 0 && readout != 0 && drawn()
     }
 
     /// The clocks of the draws.

@@ -14,7 +14,7 @@ const FEWEST: u32 = 1024;
 pub(super) const WHOLE_STEPS: f64 = 5.0;
 
 /// A bound on stored charge that a pixel below full scale never reaches, noise included.
-pub(super) const UNREACHED: f64 = 2.5;
+const UNREACHED: f64 = 2.5;
 
 /// How charge beyond a threshold is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +34,8 @@ pub(super) struct Scale {
     pub storage: Storage,
     /// Whole thresholds that one increment may add beyond the first.
     pub extra_thresholds: u32,
+    /// A bound on stored charge that no pixel reaches, in its own thresholds.
+    pub unreached: f64,
 }
 
 impl Scale {
@@ -58,6 +60,8 @@ struct Extremes {
     shot: f64,
     ceiling: f64,
     relative_increment: f64,
+    /// Offset of the threshold, in the pixel's own.
+    sway: f64,
 }
 
 impl Extremes {
@@ -70,13 +74,17 @@ impl Extremes {
             shot: 0.0,
             ceiling: 0.0,
             relative_increment: 0.0,
+            sway: 0.0,
         };
         let laws = (0..model.circuit.pixels()).map(|p| model.law(p));
         laws.fold(none, |e, law| e.with(&law, light))
     }
 
     fn with(self, law: &Law, light: f64) -> Self {
-        let increment = law.gain.max(0.0) * light + law.dark.max(0.0);
+        let light = law.brightest(light);
+        let given = 4.0 * law.coupling.abs() * law.threshold;
+        let dark = law.dark.max(0.0) + law.telegraph.amplitude.abs() + given;
+        let increment = law.gain.max(0.0) * light + dark;
         let quanta = law.quanta_light * light + law.quanta_dark;
         Self {
             threshold: self.threshold.max(law.threshold),
@@ -86,6 +94,7 @@ impl Extremes {
             shot: self.shot.max(law.quantum * quanta.sqrt()),
             ceiling: self.ceiling.max(law.ceiling / law.threshold),
             relative_increment: self.relative_increment.max(increment / law.threshold),
+            sway: self.sway.max(law.sway(f64::from(gauss::LARGEST) / gauss::SCALE)),
         }
     }
 }
@@ -95,6 +104,7 @@ pub(super) fn choose(model: &Model, light: f64) -> Result<Scale> {
     let mut e = Extremes::of(model, light);
     let storage = storage(model, &mut e)?;
     let reach = f64::from(gauss::LARGEST) / gauss::SCALE;
+    let sway = e.sway * e.threshold;
     let most = [
         f64::from(STEPS),
         24_000.0 / e.threshold,
@@ -104,12 +114,15 @@ pub(super) fn choose(model: &Model, light: f64) -> Result<Scale> {
         match storage {
             // An increment with its noise, on a pixel that a high threshold has just kept silent,
             // less a threshold that is as low.
-            Storage::Free | Storage::Surplus => 31_000.0 / (e.increment + reach * (e.shot + 2.0 * e.noise)),
+            Storage::Free | Storage::Surplus => {
+                31_000.0 / (e.increment + reach * (e.shot + 2.0 * e.noise) + 2.0 * sway)
+            }
             // The largest charge, and the noise that a saturated sum still has to hold; or what a
             // threshold that noise has lowered leaves of it.
             Storage::Clamped => {
                 let most = e.ceiling * e.threshold;
-                (32_000.0 / (most + reach * e.shot)).min(32_000.0 / (most - e.threshold + reach * e.noise))
+                (32_000.0 / (most + reach * e.shot))
+                    .min(32_000.0 / (most - e.threshold + reach * e.noise + sway))
             }
         },
     ];
@@ -122,14 +135,14 @@ pub(super) fn choose(model: &Model, light: f64) -> Result<Scale> {
         return Err(too_small(&e));
     }
     // What an increment leaves beyond the threshold that fires, and room for noise.
-    let extra = (e.relative_increment.ceil() as u32).saturating_sub(1).max(1);
+    let extra = (e.relative_increment.ceil() as u32).saturating_sub(1).max(1) + e.sway.ceil() as u32;
     let extra_thresholds = if storage == Storage::Surplus { extra } else { 0 };
-    Ok(Scale { steps, storage, extra_thresholds })
+    Ok(Scale { steps, storage, extra_thresholds, unreached: UNREACHED + e.sway })
 }
 
 fn storage(model: &Model, e: &mut Extremes) -> Result<Storage> {
     let below_full_scale = e.relative_increment <= 1.0 + 1e-6;
-    let noiseless = e.noise == 0.0 && e.shot == 0.0;
+    let noiseless = e.noise == 0.0 && e.shot == 0.0 && e.sway == 0.0;
     let loses_remainder = model.ops.iter().any(|op| matches!(op, Op::Remainder { lost } if *lost > 0.0));
     if below_full_scale && noiseless && !loses_remainder && e.ceiling >= 2.0 {
         return Ok(Storage::Free);
@@ -145,7 +158,7 @@ fn storage(model: &Model, e: &mut Extremes) -> Result<Storage> {
     if !below_full_scale {
         return Err(unbounded_remainder(e));
     }
-    e.ceiling = UNREACHED;
+    e.ceiling = UNREACHED + e.sway;
     Ok(Storage::Clamped)
 }
 

@@ -6,6 +6,7 @@ use crate::effects::Model;
 use crate::error::{Error, Kind, Result};
 use crate::pixel::Redraw;
 use crate::plan::LANES;
+use crate::plan::further::{Further, Losses};
 use crate::plan::tables::{NoiseTable, Rules, Tables};
 
 /// The pixels' state, one entry a pixel, padded like the tables.
@@ -25,7 +26,22 @@ pub struct State {
     pub(crate) held: Vec<i16>,
     /// Its fraction; empty unless frozen and fine.
     pub(crate) held_fraction: Vec<i16>,
+    /// What lingers, see [`SLOW`] and those after it; each empty unless there is such a thing.
+    pub(crate) lingering: [Vec<i16>; LINGERING],
+    /// The bits of the last readout, two bytes each; empty unless readouts are repeated.
+    pub(crate) last: Vec<i16>,
 }
+
+/// High and low half of an `f32`: the wandering threshold's deviation.
+pub(crate) const SLOW: usize = 0;
+/// High and low half of an `f32`: the rise of the threshold.
+pub(crate) const ADAPTED: usize = 2;
+/// High and low half of an `f32`: light that is late, in 1/255 of full scale; negative before the first readout.
+pub(crate) const LATE: usize = 4;
+/// -1 where the dark current has its lower value.
+pub(crate) const LOW: usize = 6;
+/// Columns of what lingers.
+const LINGERING: usize = 7;
 
 /// A tile's share of the state, as the kernels edit it.
 #[derive(Debug)]
@@ -42,6 +58,8 @@ pub struct StateParts<'a> {
     pub held: &'a mut [i16],
     /// See [`State`].
     pub held_fraction: &'a mut [i16],
+    /// See [`State`].
+    pub lingering: [&'a mut [i16]; LINGERING],
 }
 
 /// What a state is that [`State::fits`] refuses.
@@ -60,6 +78,20 @@ impl State {
         self.readout += readouts as u64;
     }
 
+    /// Remembers the bits of a readout or, where it is `repeated`, replaces them by the last ones.
+    pub(crate) fn repeat(&mut self, repeated: bool, frame: &mut [u8]) {
+        let words = frame.chunks_mut(2).zip(&mut self.last);
+        for (bytes, last) in words {
+            if repeated {
+                bytes.copy_from_slice(&last.to_le_bytes()[..bytes.len()]);
+            } else {
+                let mut both = [0; 2];
+                both[..bytes.len()].copy_from_slice(bytes);
+                *last = i16::from_le_bytes(both);
+            }
+        }
+    }
+
     /// Cuts the state into tiles of `pixels` (the last may be shorter).
     pub fn tiles(&mut self, pixels: usize) -> Vec<StateParts<'_>> {
         let count = self.charge.len().div_ceil(pixels);
@@ -69,6 +101,7 @@ impl State {
         let mut fired = self.fired.chunks_mut(pixels);
         let mut held = self.held.chunks_mut(pixels);
         let mut held_fraction = self.held_fraction.chunks_mut(pixels);
+        let mut lingering = self.lingering.each_mut().map(|column| column.chunks_mut(pixels));
         (0..count)
             .map(|_| StateParts {
                 charge: charge.next().unwrap_or_default(),
@@ -77,6 +110,7 @@ impl State {
                 fired: fired.next().unwrap_or_default(),
                 held: held.next().unwrap_or_default(),
                 held_fraction: held_fraction.next().unwrap_or_default(),
+                lingering: lingering.each_mut().map(|column| column.next().unwrap_or_default()),
             })
             .collect()
     }
@@ -86,9 +120,16 @@ impl State {
         [charge, fraction, surplus, fired, held, held_fraction]
     }
 
+    /// The columns that only some plans with rarer operations have.
+    fn further(&self) -> [&Vec<i16>; LINGERING + 1] {
+        let [a, b, c, d, e, f, g] = &self.lingering;
+        [a, b, c, d, e, f, g, &self.last]
+    }
+
     /// Whether this could be a state of the plan whose fresh state is `like`.
     pub(crate) fn fits(&self, like: &Self) -> bool {
-        self.columns().map(Vec::len) == like.columns().map(Vec::len)
+        let common = self.columns().map(Vec::len) == like.columns().map(Vec::len);
+        common && self.further().map(Vec::len) == like.further().map(Vec::len)
     }
 
     /// The state as bytes, little-endian, with a header that says which parts there are.
@@ -102,7 +143,34 @@ impl State {
         for column in self.columns() {
             bytes.extend(column.iter().flat_map(|v| v.to_le_bytes()));
         }
+        if self.further().iter().any(|column| !column.is_empty()) {
+            for column in self.further() {
+                bytes.extend((column.len() as u64).to_le_bytes());
+            }
+            for column in self.further() {
+                bytes.extend(column.iter().flat_map(|v| v.to_le_bytes()));
+            }
+        }
         bytes
+    }
+
+    /// Reads the columns of [`State::further`] from the end of the bytes.
+    fn read_further(&mut self, bytes: &[u8], like: &Self) -> Result<()> {
+        let lengths = like.further().map(|column| column.len() as u64);
+        if lengths == [0; LINGERING + 1] {
+            return if bytes.is_empty() { Ok(()) } else { Err(Self::foreign(OTHER_PLAN)) };
+        }
+        let (header, rest) = bytes.split_at(bytes.len().min(8 * lengths.len()));
+        let expected: Vec<u8> = lengths.iter().flat_map(|n| n.to_le_bytes()).collect();
+        if header != expected || rest.len() as u64 != 2 * lengths.iter().sum::<u64>() {
+            return Err(Self::foreign(OTHER_PLAN));
+        }
+        let (words, _) = rest.as_chunks::<2>();
+        let mut values = words.iter().map(|w| i16::from_le_bytes(*w));
+        for (column, length) in self.lingering.iter_mut().chain([&mut self.last]).zip(lengths) {
+            *column = values.by_ref().take(length as usize).collect();
+        }
+        Ok(())
     }
 
     pub(crate) fn foreign(found: &str) -> Error {
@@ -122,13 +190,14 @@ impl State {
         let lengths: [u64; 6] = std::array::from_fn(|i| word(16 + 8 * i));
         let expected = like.columns().map(|c| c.len() as u64);
         let total = header as u64 + 2 * expected.iter().sum::<u64>();
-        if lengths != expected || bytes.len() as u64 != total {
+        if lengths != expected || (bytes.len() as u64) < total {
             return Err(Self::foreign(OTHER_PLAN));
         }
-        let (words, _) = bytes[header..].as_chunks::<2>();
+        let (common, further) = bytes.split_at(total as usize);
+        let (words, _) = common[header..].as_chunks::<2>();
         let mut values = words.iter().map(|w| i16::from_le_bytes(*w));
         let mut column = |i: usize| values.by_ref().take(expected[i] as usize).collect();
-        Ok(Self {
+        let mut state = Self {
             readout: word(8),
             charge: column(0),
             fraction: column(1),
@@ -136,7 +205,10 @@ impl State {
             fired: column(3),
             held: column(4),
             held_fraction: column(5),
-        })
+            ..Self::default()
+        };
+        state.read_further(further, like)?;
+        Ok(state)
     }
 }
 
@@ -146,15 +218,23 @@ pub(crate) const FLIP: u16 = 0x8000;
 /// The readout whose draw is frozen before the first one.
 pub(crate) const BEFORE_FIRST: u64 = u64::MAX;
 
-pub(super) fn start(model: &Model, seeds: Seeds, tables: &Tables, rules: &Rules) -> State {
+pub(super) fn start(
+    model: &Model,
+    seeds: Seeds,
+    tables: &Tables,
+    rules: &Rules,
+    further: Option<&Further>,
+    losses: Losses,
+) -> State {
     let pixels = model.circuit.pixels();
     let padded = pixels.next_multiple_of(LANES);
     let clock = Clock::new(seeds, Stream::named("start_phase"));
+    let asks_fired = rules.lost_increment != 0.0 || further.is_some_and(Further::couples);
     let mut state = State {
         charge: vec![-1; padded],
         fraction: vec![FLIP as i16; padded],
         surplus: if rules.surplus { vec![0; padded] } else { Vec::new() },
-        fired: if rules.lost_increment == 0.0 { Vec::new() } else { vec![0; padded] },
+        fired: if asks_fired { vec![0; padded] } else { Vec::new() },
         ..State::default()
     };
     for p in 0..pixels {
@@ -171,7 +251,39 @@ pub(super) fn start(model: &Model, seeds: Seeds, tables: &Tables, rules: &Rules)
     if rules.redraw == Redraw::EveryReset {
         freeze(&mut state, seeds, tables);
     }
+    if let Some(further) = further {
+        linger(&mut state, seeds, further);
+    }
+    if losses.repeated != 0 {
+        state.last = vec![0; model.circuit.geometry.frame_bytes().div_ceil(2)];
+    }
     state
+}
+
+/// What lingers, before the first readout: wandering thresholds and switches in their balance.
+fn linger(state: &mut State, seeds: Seeds, further: &Further) {
+    let padded = further.threshold.len();
+    let once = |name: &str, p: usize| Clock::new(seeds, Stream::named(name)).once(p as u32);
+    let mut store = |at: usize, value: &dyn Fn(usize) -> f32| {
+        let bits: Vec<u32> = (0..padded).map(|p| value(p).to_bits()).collect();
+        state.lingering[at] = bits.iter().map(|b| (b >> 16) as i16).collect();
+        state.lingering[at + 1] = bits.iter().map(|b| *b as i16).collect();
+    };
+    if let Some(slow) = further.slow {
+        store(SLOW, &|p| {
+            let deviation = f32::from(gauss::unit(once("slow_threshold_noise/start", p) as u16)) * slow.start;
+            deviation.clamp(-slow.bound, slow.bound)
+        });
+    }
+    if further.adaptation.is_some() {
+        store(ADAPTED, &|_| 0.0);
+    }
+    if further.lag.is_some() {
+        store(LATE, &|_| -1.0);
+    }
+    if further.telegraph.is_some() {
+        state.lingering[LOW] = (0..padded).map(|p| -((once("telegraph_dark/start", p) & 1) as i16)).collect();
+    }
 }
 
 /// The noise that is frozen until the first reset.

@@ -5,7 +5,8 @@ use crate::effects::Model;
 use crate::error::Result;
 use crate::pixel::{Law, Op, Redraw};
 use crate::plan::LANES;
-use crate::plan::scale::{Scale, Storage, UNREACHED, WHOLE_STEPS, multiplier_per_step};
+use crate::plan::further::{self, Further};
+use crate::plan::scale::{Scale, Storage, WHOLE_STEPS, multiplier_per_step};
 
 /// Steps times 65,536: the unit of increments.
 pub const FRACTION: f64 = 65_536.0;
@@ -104,10 +105,13 @@ impl Rules {
     }
 }
 
-pub(super) fn build(model: &Model, scale: &Scale, greatest_light: f64) -> Result<(Tables, Rules)> {
+pub(super) fn build(
+    model: &Model,
+    scale: &Scale,
+    greatest_light: f64,
+) -> Result<(Tables, Rules, Option<Further>)> {
     let laws: Vec<Law> = (0..model.circuit.pixels()).map(|p| model.law(p)).collect();
     let first = &laws[0];
-    let probability = |p: f64| (p * 4_294_967_296.0).min(f64::from(u32::MAX)) as u32;
     let flips = first.missed != 0.0 || first.spurious != 0.0;
     let rules = Rules {
         redraw: redraw(model),
@@ -125,7 +129,13 @@ pub(super) fn build(model: &Model, scale: &Scale, greatest_light: f64) -> Result
         // Light has to be cut off first.
         tables.whole_gain.clear();
     }
-    Ok((tables, rules))
+    let further = further::build(&laws, scale, model.circuit.geometry.width());
+    Ok((tables, rules, further))
+}
+
+/// A probability in units of 2^-32.
+pub(super) fn probability(p: f64) -> u32 {
+    (p * 4_294_967_296.0).min(f64::from(u32::MAX)) as u32
 }
 
 /// A margin below the 32,767 steps of the state.
@@ -133,8 +143,11 @@ const SAFE: f64 = 16_000.0;
 
 fn clips(law: &Law, scale: &Scale, greatest_light: f64) -> bool {
     let unit = (law.threshold * f64::from(scale.steps)).round() / law.threshold;
-    let most = (law.gain.abs() * greatest_light + law.dark.abs()) * unit;
-    most > 2.0 * SAFE || law.dark * unit < -SAFE || law.quantum * unit * poisson::COLUMNS as f64 > SAFE
+    let switched = law.telegraph.amplitude.abs();
+    let most = (law.gain.abs() * law.brightest(greatest_light) + law.dark.abs() + switched) * unit;
+    most > 2.0 * SAFE
+        || (law.dark - switched) * unit < -SAFE
+        || law.quantum * unit * poisson::COLUMNS as f64 > SAFE
 }
 
 fn redraw(model: &Model) -> Redraw {
@@ -154,7 +167,7 @@ fn tables(laws: &[Law], scale: &Scale) -> Tables {
     let plain = |f: fn(&Law) -> f64| pad(laws, 0.0, |law| f(law) as f32);
     let ceiling = |law: &Law| {
         let bound = law.ceiling / law.threshold;
-        let thresholds = if bound.is_finite() { bound } else { UNREACHED };
+        let thresholds = if bound.is_finite() { bound } else { scale.unreached };
         ((thresholds - 1.0) * whole(law)).round() as i16
     };
     let padded = laws.len().next_multiple_of(LANES);
@@ -216,7 +229,7 @@ fn noise_table(laws: &[Law], deviation: impl Fn(&Law) -> f64) -> Option<NoiseTab
     Some(NoiseTable::Fine(pad(laws, 0.0, |law| (deviation(law) * per_unit) as f32)))
 }
 
-fn pad<T: Clone>(laws: &[Law], filler: T, value: impl Fn(&Law) -> T) -> Vec<T> {
+pub(super) fn pad<T: Clone>(laws: &[Law], filler: T, value: impl Fn(&Law) -> T) -> Vec<T> {
     let mut table: Vec<T> = laws.iter().map(value).collect();
     table.resize(laws.len().next_multiple_of(LANES), filler);
     table

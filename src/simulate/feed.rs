@@ -33,6 +33,11 @@ fn samples(frame: &Frame) -> kernels::Samples<'_> {
     }
 }
 
+/// The light of a frame that is held.
+pub(super) fn held(frame: &Frame) -> Light<'_> {
+    Light::Held(samples(frame))
+}
+
 fn bytes(frame: &Frame) -> usize {
     let size = match frame.samples() {
         Samples::U8(_) => 1,

@@ -11,7 +11,7 @@ use crate::kernels::{Backend, Segment};
 use crate::light::{Frame, Samples, Source, Timeline};
 use crate::plan::Plan;
 use crate::simulate::Simulator;
-use crate::simulate::feed::{Feeder, Piece};
+use crate::simulate::feed::{self, Feeder, Piece};
 use crate::spikes;
 
 /// Readouts between two writes: two of the simulator's batches.
@@ -153,8 +153,12 @@ struct Track {
 }
 
 impl Track {
-    fn step(&mut self, segments: &[Segment<'_>], packed: &mut [u8]) -> Result<()> {
-        self.simulator.run(segments, packed);
+    /// Writes the readouts of `segments` that were not dropped, up to `limit` in all.
+    fn step(&mut self, segments: &[Segment<'_>], packed: &mut [u8], limit: u64) -> Result<()> {
+        let kept = self.simulator.run(segments, packed) as u64;
+        let frames = kept.min(limit.saturating_sub(self.writer.written()));
+        let bytes = self.simulator.plan().geometry().frame_bytes();
+        let packed = &packed[..frames as usize * bytes];
         self.spikes += spikes::count(packed);
         self.writer.write_frames(self.writer.written(), packed)
     }
@@ -238,11 +242,18 @@ fn simulate(
         let pieces = feeder.fill(batch, HELD)?;
         let readouts: usize = pieces.iter().map(|p| p.readouts).sum();
         if readouts == 0 {
+            // Dropped readouts are made up for in the last light.
+            let light = feed::held(feeder.current());
+            for track in tracks.iter_mut() {
+                while track.writer.written() < feeder.at() {
+                    track.step(&[Segment { readouts: 1, light }], &mut packed[..bytes], feeder.at())?;
+                }
+            }
             return Ok(glances.middle(feeder.at()));
         }
         let segments: Vec<_> = pieces.iter().map(Piece::segment).collect();
         for track in tracks.iter_mut() {
-            track.step(&segments, &mut packed[..readouts * bytes])?;
+            track.step(&segments, &mut packed[..readouts * bytes], feeder.at())?;
         }
         glances.look(feeder.at() - 1, feeder.current());
         watch(feeder.at(), total)?;

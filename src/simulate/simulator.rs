@@ -119,6 +119,8 @@ impl Simulator {
 
     /// Holds `frame` for as many readouts as `out` has packed frames
     /// ([`crate::Geometry::frame_bytes`] each, whatever they held before).
+    /// A camera that drops readouts holds it until `out` is full; to let the
+    /// scene go on instead see [`Simulator::expose`].
     ///
     /// # Errors
     /// When the frame has another size than the sensor, holds light that is
@@ -127,8 +129,25 @@ impl Simulator {
         let dense = frame.checked(self.plan.geometry())?;
         let readouts = self.readouts(out)?;
         let light = Light::Held(dense.samples());
-        self.run(&[Segment { readouts, light }], out);
+        self.fill(Segment { readouts, light }, out);
         Ok(())
+    }
+
+    /// Holds `frame` for `readouts` readouts and returns how many frames of `out` they filled: all
+    /// but those that the camera dropped.
+    ///
+    /// # Errors
+    /// See [`Simulator::push`]; `out` must have room for every readout.
+    pub fn expose(&mut self, frame: FrameRef<'_>, readouts: usize, out: &mut [u8]) -> Result<usize> {
+        let dense = frame.checked(self.plan.geometry())?;
+        let room = self.readouts(out)?;
+        if room < readouts {
+            return Err(Error::new(Kind::Usage, "output buffer")
+                .found(format_args!("room for {room} packed frames"))
+                .expected(format_args!("room for {readouts}")));
+        }
+        let light = Light::Held(dense.samples());
+        Ok(self.run(&[Segment { readouts, light }], out))
     }
 
     /// Goes from one frame to the next: readout `i` sees
@@ -151,7 +170,7 @@ impl Simulator {
                 .expected("one within 0 to 1 for every packed frame of the output"));
         }
         let light = Light::Between { from: from.samples(), to: to.samples(), weights };
-        self.run(&[Segment { readouts: weights.len(), light }], out);
+        self.fill(Segment { readouts: weights.len(), light }, out);
         Ok(())
     }
 
@@ -165,20 +184,31 @@ impl Simulator {
         Ok(out.len() / bytes)
     }
 
-    /// Runs whole segments, cut into batches; the light has been checked.
-    pub(crate) fn run(&mut self, segments: &[Segment<'_>], out: &mut [u8]) {
+    /// Runs a segment, and holds its last light until `out` is full.
+    fn fill(&mut self, segment: Segment<'_>, out: &mut [u8]) {
         let bytes = self.plan.geometry().frame_bytes();
-        let mut frames = out;
-        for batch in batches(segments) {
-            let readouts: usize = batch.iter().map(|s| s.readouts).sum();
-            let (now, later) = frames.split_at_mut(readouts * bytes);
-            self.run_batch(&batch, now);
-            frames = later;
+        let mut filled = self.run(&[segment], out);
+        let last = split(segment, segment.readouts.saturating_sub(1)).1;
+        while filled * bytes < out.len() {
+            filled += self.run(&[last], &mut out[filled * bytes..]);
         }
     }
 
-    fn run_batch(&mut self, segments: &[Segment<'_>], out: &mut [u8]) {
-        let batch = Batch::new(&self.plan, self.state.readout(), segments);
+    /// Runs whole segments, cut into batches, and returns how many frames were kept; the light
+    /// has been checked, and `out` has room for every readout.
+    pub(crate) fn run(&mut self, segments: &[Segment<'_>], out: &mut [u8]) -> usize {
+        let bytes = self.plan.geometry().frame_bytes();
+        let most = if self.plan.couples() { 1 } else { BATCH };
+        let mut kept = 0;
+        for batch in batches(segments, most) {
+            let readouts: usize = batch.iter().map(|s| s.readouts).sum();
+            kept += self.run_batch(&batch, &mut out[kept * bytes..][..readouts * bytes]);
+        }
+        kept
+    }
+
+    fn run_batch(&mut self, segments: &[Segment<'_>], out: &mut [u8]) -> usize {
+        let batch = Batch::after(&self.plan, &self.state, segments);
         let readouts = batch.readouts();
         let (plan, backend) = (&self.plan, self.backend);
         let tile = |(i, (part, bits)): (usize, (&mut StateParts<'_>, &mut Vec<u8>))| {
@@ -192,17 +222,38 @@ impl Simulator {
             use rayon::prelude::*;
             let work = parts.par_iter_mut().zip(self.bits.par_iter_mut()).enumerate();
             pool.install(|| work.with_max_len(1).for_each(tile));
-            let bytes = plan.geometry().frame_bytes();
-            let frames = out.par_chunks_exact_mut(bytes).enumerate().with_min_len(8);
-            pool.install(|| frames.for_each(|(t, frame)| gather(&self.bits, readouts, t, plan, frame)));
-            self.state.advance(readouts);
-            return;
+            if !plan.losses().any() {
+                let bytes = plan.geometry().frame_bytes();
+                let frames = out.par_chunks_exact_mut(bytes).enumerate().with_min_len(8);
+                pool.install(|| frames.for_each(|(t, frame)| gather(&self.bits, readouts, t, plan, frame)));
+                self.state.advance(readouts);
+                return readouts;
+            }
+            return self.collect(readouts, out);
         }
         parts.iter_mut().zip(&mut self.bits).enumerate().for_each(tile);
-        for (t, frame) in out.chunks_exact_mut(plan.geometry().frame_bytes()).enumerate() {
-            gather(&self.bits, readouts, t, plan, frame);
+        self.collect(readouts, out)
+    }
+
+    /// Collects the tiles' bits into packed frames, without the readouts that are lost; returns how many.
+    fn collect(&mut self, readouts: usize, out: &mut [u8]) -> usize {
+        let first = self.state.readout();
+        let mut frames = out.chunks_exact_mut(self.plan.geometry().frame_bytes());
+        let (mut kept, mut scratch) = (0, Vec::new());
+        for (t, readout) in (first..).enumerate().take(readouts) {
+            let dropped = self.plan.is_dropped(readout);
+            let frame = if dropped {
+                scratch.resize(self.plan.geometry().frame_bytes(), 0);
+                &mut scratch[..]
+            } else {
+                kept += 1;
+                frames.next().unwrap_or_default()
+            };
+            gather(&self.bits, readouts, t, &self.plan, frame);
+            self.state.repeat(self.plan.is_repeated(readout), frame);
         }
         self.state.advance(readouts);
+        kept
     }
 }
 
@@ -219,16 +270,16 @@ fn gather(tiles: &[Vec<u8>], readouts: usize, t: usize, plan: &Plan, frame: &mut
     }
 }
 
-/// Cuts segments into runs of at most [`BATCH`] readouts.
-fn batches<'a>(segments: &[Segment<'a>]) -> Vec<Vec<Segment<'a>>> {
+/// Cuts segments into runs of at most `most` readouts.
+fn batches<'a>(segments: &[Segment<'a>], most: usize) -> Vec<Vec<Segment<'a>>> {
     let mut all = vec![Vec::new()];
-    let mut room = BATCH;
+    let mut room = most;
     for segment in segments {
         let mut rest = *segment;
         while rest.readouts > 0 {
             if room == 0 {
                 all.push(Vec::new());
-                room = BATCH;
+                room = most;
             }
             let now = rest.readouts.min(room);
             let (first, later) = split(rest, now);

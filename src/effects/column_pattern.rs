@@ -1,0 +1,43 @@
+//! Every column has a threshold offset of its own.
+
+use crate::draws::pattern::Pattern;
+use crate::effects::circuit::Circuit;
+use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::sensor::Sensor;
+use crate::units::Unit;
+
+/// The effect `column_pattern`.
+pub const EFFECT: Definition = Definition {
+    name: "column_pattern",
+    summary: "All pixels of a column share an offset of the threshold, since they share its comparator supply.",
+    source: "column and row fixed-pattern noise of EMVA 1288, release 4.0, section 4",
+    params: &[Param::number(
+        "sigma",
+        Unit::One,
+        (0.0, 0.05),
+        0.0,
+        0.01,
+        "Gaussian spread over the columns, relative to the nominal threshold",
+    )],
+    edit,
+    ops: no_ops,
+    moments,
+};
+
+fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
+    if v[0] == 0.0 {
+        return;
+    }
+    let width = circuit.geometry.width();
+    let offsets: Vec<f64> = pattern.normals().take(circuit.geometry.width()).collect();
+    let sigma_v = v[0] * circuit.nominal_v;
+    for (p, swing) in circuit.swing_v.iter_mut().enumerate() {
+        *swing += sigma_v * offsets[p % width];
+    }
+}
+
+fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
+    // The mean of 1/(1 + e) is 1 + var(e) to second order.
+    let variance = v[0] * v[0];
+    Some(Moments { rate: at.increment() * variance, phase_variance: 0.0, spatial_variance: variance })
+}

@@ -1,0 +1,40 @@
+//! The border of the sensor is brighter than the rest.
+
+use crate::draws::pattern::Pattern;
+use crate::effects::circuit::Circuit;
+use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::sensor::Sensor;
+use crate::units::Unit;
+
+/// The effect `edge_columns`.
+pub const EFFECT: Definition = Definition {
+    name: "edge_columns",
+    summary: "Pixels of the first and last column and row have another gain, since no neighbour shares their light.",
+    source: "calibration maps of a 400x250 camera: the first column differs",
+    params: &[Param::number(
+        "factor",
+        Unit::One,
+        (0.0, 4.0),
+        1.0,
+        1.1,
+        "gain of the border over that of the other pixels",
+    )],
+    edit,
+    ops: no_ops,
+    moments,
+};
+
+fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, _: &mut Pattern) {
+    let (width, height) = (circuit.geometry.width(), circuit.geometry.height());
+    for (p, gain) in circuit.gain.iter_mut().enumerate() {
+        let (row, col) = (p / width, p % width);
+        if row == 0 || col == 0 || row + 1 == height || col + 1 == width {
+            *gain *= v[0];
+        }
+    }
+}
+
+fn moments(_: Values<'_>, _: &Operating) -> Option<Moments> {
+    // The share of the pixels that are border depends on the sensor's size.
+    None
+}

@@ -1,0 +1,102 @@
+//! What the rarer operations need at every readout, the same for all tiles of a batch.
+
+use crate::draws::gauss;
+use crate::draws::hash::{Clock, Round, bits, half, key};
+use crate::plan::{Further, Plan, State};
+
+/// Factors, offsets and hash words; each is empty unless the plan asks for it.
+#[derive(Clone, Debug, Default)]
+pub struct Modulation {
+    /// Factor on the light.
+    pub factors: Vec<f32>,
+    /// Offset of every row's thresholds, relative to them; the rows of a readout follow each other.
+    pub rows: Vec<f32>,
+    /// Words behind [`Modulation::rows`], addressed by the row.
+    pub row: Vec<Round>,
+    /// Of [`crate::plan::Clocks::comparator`].
+    pub comparator: Vec<Round>,
+    /// Of [`crate::plan::Clocks::slow`].
+    pub slow: Vec<Round>,
+    /// Of [`crate::plan::Clocks::telegraph`].
+    pub telegraph: [Vec<Round>; 2],
+    /// Neighbours of every pixel that fired at the readout before, padded; for one readout only.
+    pub neighbours: Vec<i16>,
+    /// Offset of all thresholds by what fired at the readout before, relative to them.
+    pub droop: f32,
+}
+
+impl Modulation {
+    pub(super) fn new(plan: &Plan, first: u64, readouts: usize) -> Self {
+        let Some(further) = plan.further() else { return Self::default() };
+        let clocks = plan.clocks();
+        let words = |clock: Clock, wanted: bool| -> Vec<Round> {
+            let count = if wanted { readouts as u64 } else { 0 };
+            (0..count).map(|t| clock.round(first.wrapping_add(t))).collect()
+        };
+        let row = words(clocks.row, further.row_noise != 0.0);
+        let factors = further.schedule.map(|schedule| {
+            let factor = |t| schedule.factor(first.wrapping_add(t)) as f32;
+            (0..readouts as u64).map(factor).collect()
+        });
+        Self {
+            factors: factors.unwrap_or_default(),
+            rows: row.iter().flat_map(|round| rows(further, *round)).collect(),
+            row,
+            comparator: words(clocks.comparator, further.comparator != 0.0),
+            slow: words(clocks.slow, further.slow.is_some()),
+            telegraph: clocks.telegraph.map(|clock| words(clock, further.telegraph.is_some())),
+            ..Self::default()
+        }
+    }
+
+    /// Adds what the spikes of the readout before do to the next.
+    pub(super) fn couple(&mut self, plan: &Plan, state: &State) {
+        let Some(further) = plan.further().filter(|f| f.couples()) else { return };
+        let geometry = plan.geometry();
+        let fired = &state.fired[..geometry.pixels()];
+        let spikes: u32 = fired.iter().map(|&f| u32::from(f != 0)).sum();
+        self.droop = -(further.droop * (spikes as f32 / geometry.pixels() as f32));
+        self.neighbours = neighbours(fired, geometry.width());
+        self.neighbours.resize(plan.padded(), 0);
+    }
+}
+
+fn rows(further: &Further, round: Round) -> impl Iterator<Item = f32> {
+    let offset = move |row: usize| {
+        f32::from(gauss::unit(half(bits(key(row as u32 / 2), round), row))) * further.row_noise
+    };
+    (0..further.height()).map(offset)
+}
+
+/// How many of the pixels above, below, left and right have fired (-1 is a spike).
+fn neighbours(fired: &[i16], width: usize) -> Vec<i16> {
+    let mut counts = vec![0; fired.len()];
+    for (p, row) in fired.chunks_exact(width).enumerate().map(|(r, row)| (r * width, row)) {
+        let here = &mut counts[p..p + width];
+        for col in 1..width {
+            here[col] -= row[col - 1];
+            here[col - 1] -= row[col];
+        }
+        if p > 0 {
+            here.iter_mut().zip(&fired[p - width..]).for_each(|(count, f)| *count -= f);
+        }
+        if p + width < fired.len() {
+            here.iter_mut().zip(&fired[p + width..]).for_each(|(count, f)| *count -= f);
+        }
+    }
+    counts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neighbours_are_counted_up_to_the_border() {
+        // A spike in the corner of 3x3, and one in the middle.
+        let fired = [-1, 0, 0, 0, -1, 0, 0, 0, 0];
+        assert_eq!(neighbours(&fired, 3), [0, 2, 0, 2, 0, 1, 0, 1, 0]);
+        assert_eq!(neighbours(&[-1, -1, 0], 3), [1, 1, 1]);
+        assert_eq!(neighbours(&[-1, -1, 0], 1), [1, 1, 1]);
+    }
+}
