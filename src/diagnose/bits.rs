@@ -51,9 +51,10 @@ impl PixelBits {
 }
 
 /// Eight bytes from `at`, zeros behind the end.
+#[inline]
 pub(super) fn word_at(bytes: &[u8], at: usize) -> u64 {
-    match bytes.get(at..at + 8) {
-        Some(whole) => u64::from_le_bytes(std::array::from_fn(|i| whole[i])),
+    match bytes.get(at..).and_then(|rest| rest.first_chunk::<8>()) {
+        Some(whole) => u64::from_le_bytes(*whole),
         None => {
             let rest = bytes.get(at..).unwrap_or(&[]);
             rest.iter().enumerate().fold(0, |word, (i, b)| word | u64::from(*b) << (8 * i))
@@ -78,11 +79,18 @@ fn transpose(block: &mut [u64; 64]) {
     }
 }
 
-/// Spikes before readout `end`.
-pub(super) fn count_before(words: &[u64], end: usize) -> u32 {
-    let whole: u32 = words[..end / 64].iter().map(|w| w.count_ones()).sum();
-    let rest = end % 64;
-    if rest == 0 { whole } else { whole + (words[end / 64] & ((1 << rest) - 1)).count_ones() }
+/// Spikes in blocks of time that end at `ends`, which rise.
+pub(super) fn count_blocks<const N: usize>(words: &[u64], ends: [usize; N]) -> [u32; N] {
+    let (mut word, mut before, mut total) = (0, 0, 0);
+    ends.map(|end| {
+        while word < end / 64 {
+            total += words[word].count_ones();
+            word += 1;
+        }
+        let rest = if end % 64 == 0 { 0 } else { (words[word] & ((1 << (end % 64)) - 1)).count_ones() };
+        let now = total + rest;
+        now - std::mem::replace(&mut before, now)
+    })
 }
 
 /// Readouts at which both pixels fired, the second `lag` (0 or 1) readouts later.
@@ -121,6 +129,6 @@ mod tests {
         }
         let early =
             |p: usize| bytes.chunks_exact(geometry.frame_bytes()).take(70).filter(|f| bit(f, p)).count();
-        assert!((0..143).all(|p| count_before(turned.pixel(p), 70) as usize == early(p)));
+        assert!((0..143).all(|p| count_blocks(turned.pixel(p), [70])[0] as usize == early(p)));
     }
 }

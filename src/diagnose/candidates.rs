@@ -25,6 +25,13 @@ const fn shape(key: &'static str, range: (f64, f64), at: &'static [f64]) -> Turn
     Turn { key, scale: Scale::Log, range, at }
 }
 
+const fn kept(key: &'static str, range: (f64, f64), at: &'static [f64]) -> Turn {
+    Turn { key, scale: Scale::Kept, range, at }
+}
+
+/// The length of the recording, in readouts.
+const LENGTH: Turn = Turn { key: "duration", scale: Scale::Log, range: (1.0, 1e9), at: &[f64::NAN] };
+
 /// An entry of the catalogue: its amplitude first, then its shape.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
@@ -45,7 +52,7 @@ const CATALOGUE: &[Entry] = entries! {
     "dark_shot_noise": amplitude("strength", (0.0, 2.0), &[0.4]);
     "comparator_noise": deviation("sigma", (0.0, 0.05), &[0.004, 0.015]);
     "slow_threshold_noise": deviation("sigma", (0.0, 0.02), &[0.002, 0.006]), shape("time_constant", (30.0, 5e4), &[150.0, 1000.0, 6000.0]);
-    "adaptation": amplitude("rise", (0.0, 0.02), &[0.002]), shape("decay", (0.7, 0.9995), &[0.85, 0.95, 0.99, 0.998]);
+    "adaptation": amplitude("rise", (0.0, 0.02), &[0.002]), kept("decay", (0.8, 0.999), &[0.85, 0.95, 0.99, 0.998]);
     "telegraph_dark": amplitude("amplitude", (0.0, 1.0), &[0.5]), shape("pixels", (0.01, 1.0), &[0.2]), shape("rate", (1e-4, 1e-2), &[1e-3]);
     "hot_pixels": amplitude("fraction", (0.0, 0.05), &[0.004]), shape("factor", (1.5, 60.0), &[5.0, 12.0]);
     "dead_pixels": amplitude("fraction", (0.0, 0.05), &[0.005]);
@@ -55,7 +62,7 @@ const CATALOGUE: &[Entry] = entries! {
     "vignetting": amplitude("strength", (0.0, 0.5), &[0.04, 0.2]);
     "row_noise": deviation("sigma", (0.0, 0.05), &[0.002, 0.012]);
     "flicker": amplitude("depth", (0.0, 0.2), &[0.01]), shape("frequency_hz", (1.0, 1e4), &[200.0]);
-    "gain_drift": amplitude("relative_change", (-0.3, 0.3), &[0.004, -0.004, 0.05, -0.05]);
+    "gain_drift": amplitude("relative_change", (-0.3, 0.3), &[0.004, -0.004, 0.05, -0.05]), LENGTH;
     "image_lag": amplitude("fraction", (0.0, 0.1), &[0.01]), shape("time_constant", (2.0, 600.0), &[8.0, 40.0, 150.0]);
     "crosstalk": amplitude("share", (0.0, 0.12), &[0.006, 0.04]);
     "spike_coupling": amplitude("charge", (-0.03, 0.03), &[0.001, -0.001, 0.008, -0.008]);
@@ -82,14 +89,18 @@ pub(super) struct Candidate {
 }
 
 /// Every candidate at every position, and the names of the catalogue that the model cannot simulate.
-pub(super) fn candidates(base: &crate::effects::Camera) -> (Vec<Candidate>, Vec<&'static str>) {
+pub(super) fn candidates(
+    base: &crate::effects::Camera,
+    readouts: usize,
+) -> (Vec<Candidate>, Vec<&'static str>) {
     let (mut all, mut missing) = (Vec::new(), Vec::new());
     for entry in CATALOGUE {
         let Ok(definition) = find(entry.name) else {
             missing.push(entry.name);
             continue;
         };
-        let knobs: Option<Vec<Knob>> = entry.turns.iter().map(|t| knob(definition, t, base)).collect();
+        let knobs: Option<Vec<Knob>> =
+            entry.turns.iter().map(|t| knob(definition, t, base, readouts as f64)).collect();
         let Some(knobs) = knobs else {
             missing.push(entry.name);
             continue;
@@ -98,7 +109,11 @@ pub(super) fn candidates(base: &crate::effects::Camera) -> (Vec<Candidate>, Vec<
         for turn in entry.turns {
             values = values
                 .iter()
-                .flat_map(|v| turn.at.iter().map(move |a| [v.as_slice(), &[*a]].concat()))
+                .flat_map(|v| {
+                    turn.at.iter().map(move |a| {
+                        [v.as_slice(), &[if a.is_nan() { readouts as f64 } else { *a }]].concat()
+                    })
+                })
                 .collect();
         }
         for value in values {
@@ -109,13 +124,29 @@ pub(super) fn candidates(base: &crate::effects::Camera) -> (Vec<Candidate>, Vec<
     (all, missing)
 }
 
-fn knob(definition: &'static Definition, turn: &Turn, base: &crate::effects::Camera) -> Option<Knob> {
+fn knob(
+    definition: &'static Definition,
+    turn: &Turn,
+    base: &crate::effects::Camera,
+    readouts: f64,
+) -> Option<Knob> {
     let param = definition.params.iter().find(|p| p.key == turn.key)?;
     let Form::Number { low, high, .. } = param.form else { return None };
+    if turn.at[0].is_nan() {
+        let range = (readouts, readouts);
+        return Some(Knob {
+            effect: definition.name,
+            key: param.key,
+            scale: turn.scale,
+            centre: readouts,
+            unit: 1.0,
+            range,
+        });
+    }
     let own = base.effect(definition.name).and_then(|e| e.get(turn.key).ok());
     let neutral = own.unwrap_or(param.neutral);
     let (centre, unit) = match turn.scale {
-        Scale::Log => (*turn.at.get(turn.at.len() / 2)?, 1.0),
+        Scale::Log | Scale::Kept => (*turn.at.get(turn.at.len() / 2)?, 1.0),
         // An infinite neutral value is one that the light of the set never reaches.
         _ if neutral.is_infinite() => (turn.range.1, -0.1),
         _ => (neutral, (turn.at[0] - neutral).abs()),
@@ -140,7 +171,7 @@ mod tests {
             "start_phase",
         ];
         let setup = crate::presets::builtin("ideal").unwrap();
-        let (all, _) = candidates(&setup);
+        let (all, _) = candidates(&setup, 4000);
         for effect in crate::effects::ALL {
             let known = BASE.contains(&effect.name) || all.iter().any(|c| c.name == effect.name);
             assert!(known, "{} can never be found", effect.name);

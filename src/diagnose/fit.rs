@@ -84,7 +84,7 @@ impl Fit {
 /// A step by which a knob's derivative is taken.
 fn step(scale: Scale, u: f64) -> f64 {
     match scale {
-        Scale::Log => 0.35,
+        Scale::Log | Scale::Kept => 0.35,
         _ => (0.4 * u.abs()).max(0.4),
     }
 }
@@ -92,7 +92,7 @@ fn step(scale: Scale, u: f64) -> f64 {
 /// Furthest that a knob moves in one round.
 fn trust(scale: Scale, u: f64) -> f64 {
     match scale {
-        Scale::Log => 0.8,
+        Scale::Log | Scale::Kept => 0.8,
         _ => (0.7 * u.abs()).max(0.8),
     }
 }
@@ -117,6 +117,10 @@ impl Reference {
             u[j] = knob.clamped(fit.u[j] + h);
             if (u[j] - fit.u[j]).abs() < 0.5 * h {
                 u[j] = knob.clamped(fit.u[j] - h);
+            }
+            if u[j] == fit.u[j] {
+                // Held by its range.
+                return Ok(DVector::zeros(fit.mean.len()));
             }
             let moved = self.mean_of(&fit.model, &u, count.min(fit.each.len()))?;
             let change: Vec<_> = moved.each.iter().zip(&fit.each).map(|(a, b)| a - b).collect();

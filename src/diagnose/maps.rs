@@ -5,7 +5,7 @@ use realfft::RealFftPlanner;
 use super::lines::Lines;
 use super::scan::Scan;
 use super::spread::Spread;
-use super::vector::{Vector, ln, root};
+use super::vector::{Vector, ln};
 
 /// Names of one map's statistics.
 struct Names([&'static str; 24]);
@@ -80,8 +80,8 @@ fn map(v: &mut Vector, names: &Names, map: &[f64], width: usize) -> Vec<f64> {
         (spread.skew(), 2e-3),
         (ln(spread.upper_tail()), 4e-3),
         (ln(spread.lower_tail()), 4e-3),
-        (root(far(1.0), n), 2e-3),
-        (root(far(-1.0), n), 2e-3),
+        (1e4 * far(1.0) / n, 1.5e4 / n),
+        (1e4 * far(-1.0) / n, 1.5e4 / n),
     ];
     let columns: Vec<f64> =
         (0..width).map(|c| z.iter().skip(c).step_by(width).sum::<f64>() / height as f64).collect();

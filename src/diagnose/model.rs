@@ -13,6 +13,8 @@ pub(super) enum Scale {
     Square,
     /// `centre exp(u)`: shapes such as time constants.
     Log,
+    /// `1 - (1 - centre) exp(u)`: what a readout keeps.
+    Kept,
 }
 
 /// One number of one effect.
@@ -33,6 +35,7 @@ impl Knob {
             Scale::Linear => self.centre + self.unit * u,
             Scale::Square => self.centre + self.unit * u.max(0.0).sqrt(),
             Scale::Log => self.centre * u.exp(),
+            Scale::Kept => 1.0 - (1.0 - self.centre) * u.exp(),
         };
         value.clamp(self.range.0, self.range.1)
     }
@@ -47,6 +50,7 @@ impl Knob {
                 x * x.abs()
             }
             Scale::Log => (value / self.centre).ln(),
+            Scale::Kept => ((1.0 - value) / (1.0 - self.centre)).ln(),
         }
     }
 

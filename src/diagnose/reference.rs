@@ -106,7 +106,8 @@ impl Reference {
         residuals.extend(first);
         let full = noise(&residuals, &floors)?.with_columns(&lamps)?;
         let metric = Metric::new(&full, jacobian.clone());
-        let (all, missing) = candidates(&model.camera);
+        let (all, missing) =
+            candidates(&model.camera, setup.scenes.iter().map(|s| s.skip + s.readouts).max().unwrap_or(1));
         progress("signatures", 0.8);
         let mut reference = Self {
             limits: Limits { misfit: 0.0, deviation: 0.0, score: 0.0 },

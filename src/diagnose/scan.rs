@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::bits::{PixelBits, coincidences, count_before, word_at};
+use super::bits::{PixelBits, coincidences, count_blocks, word_at};
 use crate::spikes::{Geometry, Packed, count};
 
 /// Blocks of time whose counts are compared.
@@ -34,7 +34,6 @@ pub(super) struct PixelScan {
 #[derive(Clone, Debug)]
 pub(super) struct Scan {
     pub geometry: Geometry,
-    pub readouts: usize,
     pub pixels: Vec<PixelScan>,
     /// Spikes of each readout.
     pub totals: Vec<u32>,
@@ -48,8 +47,8 @@ pub(super) struct Scan {
     pub deviations: Vec<[f64; 2]>,
 }
 
-/// Scans packed frames; `dim` recordings have every interval looked at.
-pub(super) fn scan(frames: Packed<'_>, dim: bool) -> Scan {
+/// Scans packed frames; `dim` recordings have every interval looked at, and the halves of rows where asked for.
+pub(super) fn scan(frames: Packed<'_>, dim: bool, rows_too: bool) -> Scan {
     let bits = PixelBits::new(frames);
     let geometry = bits.geometry;
     let n = geometry.pixels();
@@ -74,9 +73,8 @@ pub(super) fn scan(frames: Packed<'_>, dim: bool) -> Scan {
     let totals: Vec<u32> = frames.frames().map(|f| count(f) as u32).collect();
     Scan {
         geometry,
-        readouts: bits.readouts,
         changes: changes(frames),
-        row_halves: row_halves(frames),
+        row_halves: if rows_too { row_halves(frames) } else { 0.0 },
         neighbours: neighbours(&bits, &pixels),
         pixels,
         totals,
@@ -93,13 +91,8 @@ fn pixel(
 ) -> PixelScan {
     let words = bits.pixel(p);
     let mut scan = PixelScan::default();
-    let mut before = 0;
-    for (b, block) in scan.blocks.iter_mut().enumerate() {
-        let end = count_before(words, (b + 1) * bits.readouts / BLOCKS);
-        *block = end - before;
-        before = end;
-    }
-    scan.count = before;
+    scan.blocks = count_blocks(words, std::array::from_fn(|b| (b + 1) * bits.readouts / BLOCKS));
+    scan.count = scan.blocks.iter().sum();
     let Some(first) = words.iter().position(|w| *w != 0) else { return scan };
     let last = words.iter().rposition(|w| *w != 0).unwrap_or(first);
     let start = first * 64 + words[first].trailing_zeros() as usize;
@@ -184,14 +177,11 @@ fn bright(words: &[u64], mean: f64, scan: &mut PixelScan) {
 }
 
 fn changes(frames: Packed<'_>) -> Vec<u32> {
-    let all: Vec<&[u8]> = frames.frames().collect();
-    all.windows(2)
-        .map(|pair| {
-            let words = |f: &[u8]| (0..f.len().div_ceil(8)).map(|i| word_at(f, 8 * i)).collect::<Vec<_>>();
-            let (a, b) = (words(pair[0]), words(pair[1]));
-            a.iter().zip(&b).map(|(a, b)| (a ^ b).count_ones()).sum()
-        })
-        .collect()
+    let change = |(a, b): (&[u8], &[u8])| {
+        let words = (0..a.len()).step_by(8);
+        words.map(|i| (word_at(a, i) ^ word_at(b, i)).count_ones()).sum()
+    };
+    frames.frames().zip(frames.frames().skip(1)).map(change).collect()
 }
 
 /// Bits `from..to` of a frame.
@@ -237,6 +227,10 @@ fn neighbours(bits: &PixelBits, pixels: &[PixelScan]) -> [f64; 4] {
     let (width, n) = (bits.geometry.width(), pixels.len());
     let of_pixel = |p: usize| {
         let mut sums = [[0.0; 2]; 4];
+        // Half of the pairs, like the squares of one colour.
+        if !(p / width + p % width).is_multiple_of(2) {
+            return sums;
+        }
         let mut add = |k: usize, q: usize| {
             let chance = f64::from(pixels[p].count) * f64::from(pixels[q].count) / bits.readouts as f64;
             let (a, b) = (bits.pixel(p), bits.pixel(q));

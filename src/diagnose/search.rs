@@ -15,7 +15,7 @@ use crate::error::Result;
 const ROUNDS: usize = 4;
 
 /// Candidates of a tournament.
-const TOURNAMENT: usize = 4;
+const TOURNAMENT: usize = 3;
 
 /// Simulations of a mean: in the tournament, in its last comparison, and of the final model.
 const FEW: usize = 4;
@@ -62,7 +62,6 @@ pub(super) struct Found {
     pub own: Own,
     /// Whether anything is left above its limit.
     pub left: bool,
-    pub alarm: bool,
 }
 
 pub(super) fn search(
@@ -76,8 +75,7 @@ pub(super) fn search(
     let gap = |mean: &DVector<f64>, set: &DVector<f64>| reference.metric.square(&(set - mean));
     let (mut train, mut heldout) = (vec![fit.misfit], vec![gap(&fit.mean, other)]);
     let mut own = reference.own_of_base();
-    let alarm = reference.alarm(data, signatures);
-    let mut left = alarm;
+    let mut left = reference.alarm(data, signatures);
     let mut rounds = Vec::new();
     while left && rounds.len() < ROUNDS {
         progress("tournament", rounds.len() as f64 / ROUNDS as f64);
@@ -99,7 +97,7 @@ pub(super) fn search(
         reference.eliminate(&mut fit, &mut own, &mut rounds, data)?;
         left = [data, other].iter().any(|set| own.alarm(&(*set - &own.mean)));
     }
-    Ok(Found { fit, rounds, train, heldout, own, left, alarm })
+    Ok(Found { fit, rounds, train, heldout, own, left })
 }
 
 impl Own {
@@ -153,7 +151,7 @@ impl Reference {
         let mut entrants: Vec<(f64, &Signature)> = Vec::new();
         for (gain, scale, signature) in &ranked {
             let known = entrants.iter().any(|e| e.1.candidate.name == signature.candidate.name);
-            if *gain > 0.45 * best && !known && entrants.len() < TOURNAMENT {
+            if *gain > 0.55 * best && !known && entrants.len() < TOURNAMENT {
                 entrants.push((*scale, *signature));
             }
         }
@@ -163,7 +161,7 @@ impl Reference {
         let cost = |f: &Fit| f.misfit + 2.0 * f.u.len() as f64;
         fits.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
         // Near the front, once more and with less noise.
-        let front = cost(&fits[0]) + 0.25 * (fit.misfit - cost(&fits[0])).max(0.0) + 40.0;
+        let front = cost(&fits[0]) + 0.03 * (fit.misfit - cost(&fits[0])).max(0.0) + 40.0;
         let close: Vec<Fit> = fits.iter().filter(|f| cost(f) < front).take(3).cloned().collect();
         if close.len() > 1 {
             let again = close.into_par_iter().map(|f| self.refine(f, data, 2, SOME));

@@ -68,6 +68,11 @@ impl Scene {
         }
     }
 
+    /// Whether the halves of rows are compared: where spikes are many and the light rests.
+    pub(super) fn rows(&self) -> bool {
+        self.constant() && self.brightness() >= 0.09
+    }
+
     pub(super) fn dim(&self) -> bool {
         self.constant() && self.brightness() < DIM
     }
@@ -145,7 +150,7 @@ impl Setup {
             let reader = set.reader(recording)?;
             let mut bytes = vec![0; scene.readouts * self.geometry.frame_bytes()];
             reader.read_frames(scene.skip, &mut bytes)?;
-            scans.push(scan(Packed::new(self.geometry, &bytes)?, scene.dim()));
+            scans.push(scan(Packed::new(self.geometry, &bytes)?, scene.dim(), scene.rows()));
         }
         let values = vector(self, &scans).values;
         Ok(Measured { scans, values })
@@ -191,7 +196,7 @@ impl Setup {
                 .push(FrameRef::f32(&samples, self.geometry), &mut out[at * bytes..(at + now) * bytes])?;
             at += now;
         }
-        Ok(scan(Packed::new(self.geometry, &out[scene.skip * bytes..])?, scene.dim()))
+        Ok(scan(Packed::new(self.geometry, &out[scene.skip * bytes..])?, scene.dim(), scene.rows()))
     }
 }
 

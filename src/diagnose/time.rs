@@ -4,7 +4,7 @@ use realfft::RealFftPlanner;
 
 use super::scan::Scan;
 use super::setup::Scene;
-use super::vector::{Vector, ln, root};
+use super::vector::{Vector, ln};
 
 /// Highest frequency at which lines are looked for, in cycles per readout: bright pixels' own
 /// rates lie above.
@@ -29,7 +29,9 @@ pub(super) fn frames(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
     let even: f64 = scan.totals.iter().step_by(2).map(|c| f64::from(*c)).sum();
     let odd: f64 = scan.totals.iter().skip(1).step_by(2).map(|c| f64::from(*c)).sum();
     v.push(k, "even readouts over odd", ln(even) - ln(odd), 1e-4);
-    v.push(k, "halves of a row together", scan.row_halves, 5e-5);
+    if scene.rows() {
+        v.push(k, "halves of a row together", scan.row_halves, 5e-5);
+    }
     const NAMES: [&str; 4] = [
         "neighbours beside, same readout",
         "neighbours below, same readout",
@@ -43,11 +45,11 @@ pub(super) fn frames(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
         scan.changes.iter().map(|c| f64::from(*c)).sum::<f64>() / scan.changes.len().max(1) as f64;
     let equal = scan.changes.iter().filter(|c| f64::from(**c) < 0.4 * mean_changes).count() as f64;
     // With few spikes a readout resembles the one before by chance.
-    v.push(
+    v.rare(
         k,
         "readouts equal to the one before",
-        root(if mean_changes > 0.002 * n { equal } else { 0.0 }, t as f64),
-        1e-3,
+        if mean_changes > 0.002 * n { equal } else { 0.0 },
+        t as f64,
     );
     if scene.dim() && scene.brightness() > 0.0 {
         jumps(v, k, scan);
@@ -79,8 +81,8 @@ fn jumps(v: &mut Vector, k: usize, scan: &Scan) {
     let t = scan.deviations.len() as f64;
     v.push(k, "shortest intervals of a moment", lowest, 0.01);
     v.push(k, "longest intervals of a moment", highest, 0.01);
-    v.push(k, "moments with short intervals", root(below, t), 1e-3);
-    v.push(k, "moments with long intervals", root(above, t), 1e-3);
+    v.rare(k, "moments with short intervals", below, t);
+    v.rare(k, "moments with long intervals", above, t);
 }
 
 /// Power of the readouts' totals over that of independent pixels, and lines in it.

@@ -30,16 +30,18 @@ impl Vector {
         self.statistics.push(Statistic { recording: recording.into(), name, floor });
         self.values.push(if value.is_finite() { value } else { 0.0 });
     }
+
+    /// A count of rare events among `n`, in ten-thousandths: linear in their probability. One or two
+    /// are no news, which also keeps a law far from normal out of the limits.
+    pub fn rare(&mut self, recording: impl Into<Option<usize>>, name: &'static str, count: f64, n: f64) {
+        let share = 1e4 / n.max(1.0);
+        self.push(recording, name, count * share, 1.5 * share);
+    }
 }
 
 /// Logarithm of a quantity that may be zero.
 pub(super) fn ln(x: f64) -> f64 {
     x.max(1e-9).ln()
-}
-
-/// Root of a share of `n`: its noise does not depend on the share.
-pub(super) fn root(count: f64, n: f64) -> f64 {
-    (count.max(0.0) / n.max(1.0)).sqrt()
 }
 
 /// The whole vector of a scanned set. Its length depends on the setup alone.
@@ -72,8 +74,8 @@ fn intervals(v: &mut Vector, k: usize, scan: &Scan, dim: bool) {
     let pixels = &scan.pixels;
     let spikes: f64 = pixels.iter().map(|p| f64::from(p.count)).sum();
     let off = |i: usize| pixels.iter().map(|p| f64::from(p.off_lattice[i])).sum::<f64>();
-    v.push(k, "short intervals", root(off(0), spikes), 2e-4);
-    v.push(k, "long intervals", root(off(1), spikes), 2e-4);
+    v.rare(k, "short intervals", off(0), spikes);
+    v.rare(k, "long intervals", off(1), spikes);
     if !dim {
         return;
     }
@@ -112,7 +114,7 @@ fn stability(v: &mut Vector, k: usize, scan: &Scan, constant: bool) {
     let square = |x: &[f64]| x.iter().map(|d| d.clamp(-6.0, 6.0).powi(2)).sum::<f64>() / n;
     v.push(k, "change between halves, variance", square(&change), 1e-3);
     let wild = change.iter().filter(|d| d.abs() > 2.5).count() as f64;
-    v.push(k, "change between halves, tail", root(wild, n), 2e-3);
+    v.rare(k, "change between halves, tail", wild, n);
     if !constant {
         return;
     }

@@ -180,7 +180,7 @@ fn readout(
     let mut kick = vec![0.0; if p.coupling == 0.0 { 0 } else { n }];
     for i in 0..kick.len() {
         neighbours(i, sensor.width, sensor.height, |j| {
-            kick[i] += if pixels.fired[j] { p.coupling * p.electrons } else { 0.0 };
+            kick[i] += if pixels.fired[j] { p.coupling * sensor.threshold[i] } else { 0.0 };
         });
     }
     pixels.echo.copy_from_slice(&pixels.fired);
