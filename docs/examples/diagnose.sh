@@ -3,7 +3,8 @@
 set -eu
 out=${1:-diagnose-example}
 mkdir -p "$out"
-spikelane preset show scsim-code > "$out/model.toml"
+# Pixels start at any phase of their cycle, as those of real cameras do.
+spikelane preset show scsim-code | sed 's/^charge = "1 fC"/share = 1/' > "$out/model.toml"
 {
     cat "$out/model.toml"
     printf '\n[effects.hot_pixels]\nfraction = 0.008\nfactor = 8\n'

@@ -53,7 +53,7 @@ const CATALOGUE: &[Entry] = entries! {
     "comparator_noise": deviation("sigma", (0.0, 0.05), &[0.004, 0.015]);
     "slow_threshold_noise": deviation("sigma", (0.0, 0.02), &[0.002, 0.006]), shape("time_constant", (30.0, 5e4), &[150.0, 1000.0, 6000.0]);
     "adaptation": amplitude("rise", (0.0, 0.02), &[0.002]), kept("decay", (0.8, 0.999), &[0.85, 0.95, 0.99, 0.998]);
-    "telegraph_dark": amplitude("amplitude", (0.0, 1.0), &[0.5]), shape("pixels", (0.01, 1.0), &[0.2]), shape("rate", (1e-4, 1e-2), &[1e-3]);
+    "telegraph_dark": amplitude("amplitude", (0.0, 1.0), &[0.1, 0.5]), shape("pixels", (0.01, 1.0), &[0.2]), shape("rate", (1e-4, 1e-2), &[1e-3]);
     "hot_pixels": amplitude("fraction", (0.0, 0.05), &[0.004]), shape("factor", (1.5, 60.0), &[5.0, 12.0]);
     "dead_pixels": amplitude("fraction", (0.0, 0.05), &[0.005]);
     "column_pattern": deviation("sigma", (0.0, 0.1), &[0.006, 0.025]);
@@ -64,11 +64,11 @@ const CATALOGUE: &[Entry] = entries! {
     "flicker": amplitude("depth", (0.0, 0.2), &[0.01]), shape("frequency_hz", (1.0, 1e4), &[200.0]);
     "gain_drift": amplitude("relative_change", (-0.3, 0.3), &[0.004, -0.004, 0.05, -0.05]), LENGTH;
     "image_lag": amplitude("fraction", (0.0, 0.1), &[0.01]), shape("time_constant", (2.0, 600.0), &[8.0, 40.0, 150.0]);
-    "crosstalk": amplitude("share", (0.0, 0.12), &[0.006, 0.04]);
+    "crosstalk": amplitude("share", (0.0, 0.12), &[0.004, 0.03]);
     "spike_coupling": amplitude("charge", (-0.03, 0.03), &[0.001, -0.001, 0.008, -0.008]);
     "supply_droop": amplitude("depth", (-0.06, 0.06), &[0.002, -0.002, 0.015, -0.015]);
-    "missed_spikes": amplitude("probability", (0.0, 0.2), &[0.002, 0.02]);
-    "false_spikes": amplitude("probability", (0.0, 0.05), &[1e-4, 2e-3]);
+    "missed_spikes": amplitude("probability", (0.0, 0.2), &[1e-4, 2e-3, 0.02]);
+    "false_spikes": amplitude("probability", (0.0, 0.05), &[4e-6, 6e-5, 1e-3]);
     "dropped_readouts": amplitude("probability", (0.0, 0.2), &[0.001, 0.01]);
     "repeated_readouts": amplitude("probability", (0.0, 0.2), &[0.001, 0.01]);
     "saturation_clamp": amplitude("largest_charge", (1.0, 2.0), &[1.7, 1.3]);

@@ -2,9 +2,16 @@
 
 use super::model::Scale;
 use super::reference::{Reference, Signature};
+use crate::error::Result;
 
 /// Efficient score at which an effect counts as nameable.
 pub const SCORE: f64 = 5.0;
+
+/// A length of a signature that is near enough to [`SCORE`] for a straight line.
+const WEAK: f64 = 40.0;
+
+/// Largest cosine that is projected out.
+const LIKEST: f64 = 0.97;
 
 /// The smallest strength at which an effect can be told from calibration and from its nearest rival.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -45,33 +52,59 @@ impl Reference {
 
     fn nameable_one(&self, name: &'static str) -> Option<Nameable> {
         let mut found: Vec<Nameable> = Vec::new();
-        for own in self.signatures.iter().filter(|s| s.candidate.name == name) {
-            let square = self.square(own);
+        for tried in self.signatures.iter().filter(|s| s.candidate.name == name) {
+            let (nearest, alike) = self.nearest(tried);
+            let weak = self.weakened(tried).ok()?;
+            let square = self.square(&weak);
             // A signature that is lost in its own noise says nothing.
             if square < 25.0 {
                 continue;
             }
-            let rivals = self.signatures.iter().filter(|s| s.candidate.name != name);
-            let alike = |rival: &Signature| {
-                let other = self.square(rival);
-                if other < 25.0 {
-                    0.0
-                } else {
-                    (self.product(own, rival) / (square * other).sqrt()).clamp(-0.999, 0.999)
-                }
-            };
-            let nearest =
-                rivals.map(|r| (alike(r), r.candidate.name)).max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
-            let (alike, nearest) = nearest.unwrap_or((0.0, ""));
             let length = (square * (1.0 - alike * alike)).sqrt();
-            let knob = own.candidate.knobs[0];
-            let u = own.candidate.at[0] * SCORE / length;
+            let knob = weak.candidate.knobs[0];
+            let u = weak.candidate.at[0] * SCORE / length;
             let strength = (knob.value(u) - knob.value(0.0)).abs();
             found.push(Nameable { name, key: knob.key, strength, nearest, alike });
         }
         found.sort_by(|a, b| a.strength.total_cmp(&b.strength));
         let middle = found.len() / 2;
         (!found.is_empty()).then(|| found.swap_remove(middle))
+    }
+
+    /// The candidate of another name that looks most like `own`, and the cosine between them. Two that
+    /// nothing tells apart are a tie when found, so what is projected out is bounded.
+    fn nearest(&self, own: &Signature) -> (&'static str, f64) {
+        let square = self.square(own);
+        let alike = |rival: &Signature| {
+            let other = self.square(rival);
+            if other < 25.0 || square < 25.0 {
+                return 0.0;
+            }
+            (self.product(own, rival) / (square * other).sqrt()).clamp(-1.0, 1.0)
+        };
+        let rivals = self.signatures.iter().filter(|s| s.candidate.name != own.candidate.name);
+        let nearest =
+            rivals.map(|r| (alike(r), r.candidate.name)).max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+        nearest.map_or(("", 0.0), |(a, n)| (n, a.clamp(-LIKEST, LIKEST)))
+    }
+
+    /// The signature at a strength near the smallest nameable one: few effects are linear over decades.
+    fn weakened(&self, tried: &Signature) -> Result<Signature> {
+        let mut signature = tried.clone();
+        for _ in 0..4 {
+            let length = self.square(&signature).max(0.0).sqrt();
+            if length < WEAK {
+                break;
+            }
+            let mut candidate = signature.candidate.clone();
+            candidate.at[0] *= (0.5 * WEAK / length).max(0.03);
+            let weaker = self.signature(candidate)?;
+            if self.square(&weaker) < 36.0 {
+                break;
+            }
+            signature = weaker;
+        }
+        Ok(signature)
     }
 
     fn square(&self, s: &Signature) -> f64 {

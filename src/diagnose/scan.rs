@@ -125,13 +125,15 @@ fn pixel(
 /// Every interval of a dim pixel.
 fn intervals(times: &[u32], mean: f64, scan: &mut PixelScan, deviations: &mut [[f64; 2]]) {
     let square = scan.rate * scan.rate;
+    // A spike too many or too few must not drown the noise of all others; it is counted below.
+    let widest = 3.0 + 0.06 * mean;
     for (k, lag) in LAGS.into_iter().enumerate() {
         let expected = lag as f64 * mean;
         // An integrator without noise: the lag falls on the whole numbers about its mean.
         let part = expected.fract();
         let lattice = part * (1.0 - part);
         for pair in times.windows(lag + 1) {
-            let off = f64::from(pair[lag] - pair[0]) - expected;
+            let off = (f64::from(pair[lag] - pair[0]) - expected).clamp(-widest, widest);
             scan.variance[k] += square * (off * off - lattice);
             scan.terms[k] += 1.0;
         }
@@ -142,9 +144,10 @@ fn intervals(times: &[u32], mean: f64, scan: &mut PixelScan, deviations: &mut [[
     for pair in times.windows(2) {
         let length = pair[1] - pair[0];
         let off = f64::from(length) - mean;
-        scan.covariance[0] += square * off * past[0];
-        scan.covariance[1] += square * off * past[1];
-        past = [off, past[0]];
+        let usual = off.clamp(-widest, widest);
+        scan.covariance[0] += square * usual * past[0];
+        scan.covariance[1] += square * usual * past[1];
+        past = [usual, past[0]];
         scan.off_lattice[0] += u32::from(length + margin < low);
         scan.off_lattice[1] += u32::from(length > high + margin);
         let ends = &mut deviations[pair[1] as usize];
