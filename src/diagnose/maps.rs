@@ -3,7 +3,6 @@
 use realfft::RealFftPlanner;
 
 use super::lines::Lines;
-use super::scan::Scan;
 use super::spread::Spread;
 use super::vector::{Vector, ln};
 
@@ -50,13 +49,6 @@ pub(super) fn of_lines(v: &mut Vector, lines: &Lines, width: usize) {
     let n = gain.len() as f64;
     let both = gain.iter().zip(&dark).map(|(a, b)| a * b).sum::<f64>() / n;
     v.push(None, "gain and dark current together", both, 1e-3);
-}
-
-/// Rates of an unknown scene: only what no scene explains, the borders and single lines.
-pub(super) fn unknown_scene(v: &mut Vector, k: usize, scan: &Scan) {
-    let rates: Vec<f64> = scan.pixels.iter().map(|p| p.rate).collect();
-    let spread = Spread::of(&rates);
-    v.push(k, "median rate", ln(spread.median()), 1e-3);
 }
 
 /// Deviations from the median in robust standard deviations, cut at five.

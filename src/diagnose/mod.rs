@@ -25,6 +25,7 @@ mod scan;
 mod search;
 mod setup;
 mod spread;
+mod still;
 mod time;
 mod vector;
 
@@ -34,6 +35,7 @@ pub use page::page;
 pub use reference::{Limits, Progress, Reference};
 pub use run::{Options, diagnose};
 pub use setup::{Part, Scene, Setup};
+pub use still::Still;
 pub use vector::Statistic;
 
 use crate::effects::Camera;

@@ -90,7 +90,8 @@ impl Model {
             let range = (0.02 * centre, 20.0 * centre);
             (centre > 0.0).then_some(Knob { effect, key, scale: Scale::Linear, centre, unit: centre, range })
         };
-        let lit = |k: &usize| setup.scenes[*k].brightness() > 0.0;
+        // An unknown scene's light is what its rates say.
+        let lit = |k: &usize| setup.scenes[*k].brightness() > 0.0 && setup.scenes[*k].still.is_none();
         Self {
             knobs: base.iter().filter_map(knob).collect(),
             lamps: (0..setup.scenes.len()).filter(lit).collect(),

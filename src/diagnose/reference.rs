@@ -87,14 +87,13 @@ impl Reference {
         let scenes = setup.scenes.len();
         let still = model.sample(&[], &[], scenes)?;
         progress("null", 0.0);
-        let scans = setup.simulate(&still, seed)?;
-        let statistics = setup.statistics(&scans);
+        let statistics = setup.statistics(&still, seed)?;
         let vector = |i: usize| Ok(DVector::from_vec(setup.values(&still, seed + i as u64)?));
         let baseline: Vec<DVector<f64>> = (0..FIXED).into_par_iter().map(vector).collect::<Result<_>>()?;
         let mean = average(&baseline);
         progress("null", 0.3);
         let jacobian = base_jacobian(&setup, &model, seed, &baseline)?;
-        let lamps = lamp_columns(&setup, &model, seed)?;
+        let lamps = lamp_columns(&setup, &model, seed, statistics.len())?;
         progress("null", 0.5);
         let floors: Vec<f64> = statistics.iter().map(|s| s.floor).collect();
         let first: Vec<DVector<f64>> = baseline.iter().map(|s| s - &mean).collect();
@@ -238,8 +237,11 @@ fn base_jacobian(setup: &Setup, model: &Model, seed: u64, baseline: &[DVector<f6
 }
 
 /// Changes per standard deviation of each lamp; only its own recording is simulated again.
-fn lamp_columns(setup: &Setup, model: &Model, seed: u64) -> Result<DMatrix<f64>> {
+fn lamp_columns(setup: &Setup, model: &Model, seed: u64, entries: usize) -> Result<DMatrix<f64>> {
     let still = model.sample(&[], &[], setup.scenes.len())?;
+    if model.lamps.is_empty() {
+        return Ok(DMatrix::zeros(entries, 0));
+    }
     let step = 3.0;
     let change = |i: usize| -> Result<Vec<DVector<f64>>> {
         let mut scans = setup.simulate(&still, seed + i as u64)?;

@@ -11,7 +11,7 @@ use super::reference::{Progress, Reference, Signature};
 use super::search::search;
 use super::setup::{Measured, Part, Setup};
 use super::time::{line, power};
-use crate::calibrate::{self, Calibration, RecordingSet};
+use crate::calibrate::{self, Calibration, Light, RecordingSet, Scene as Pattern};
 use crate::effects::{Camera, find};
 use crate::error::{Error, Kind, Result};
 
@@ -43,10 +43,12 @@ pub fn diagnose(
     progress: Progress<'_>,
 ) -> Result<Diagnosis> {
     let start = Instant::now();
+    let still = |r: &calibrate::Recording| matches!(r.light, Light::Scene(Pattern::StaticUnknown {}));
+    let alone = set.recordings.is_empty() || set.recordings.iter().any(still);
     let (first, second) =
-        if holdout.is_some() { (Part::Whole, Part::Whole) } else { (Part::First, Part::Second) };
+        if holdout.is_some() || alone { (Part::Whole, Part::Whole) } else { (Part::First, Part::Second) };
     let (setup, other) = (Setup::of(set, first)?, Setup::of(holdout.unwrap_or(set), second)?);
-    poor(&setup)?;
+    poor(&setup, options.camera.is_some())?;
     same_protocol(&setup, &other)?;
     let built;
     let reference = match options.reference {
@@ -70,7 +72,11 @@ pub fn diagnose(
     let signatures = with_line(reference, &setup, &measured)?;
     let mut found = search(reference, &signatures, &data, &held, progress)?;
     let mut diagnosis = outcome(reference, &mut found, &data, options.camera.is_some())?;
-    if holdout.is_none() {
+    if holdout.is_none() && alone {
+        diagnosis
+            .notes
+            .push("No second set was given and this one cannot be cut: nothing was held out.".to_owned());
+    } else if holdout.is_none() {
         diagnosis.notes.push(
             "No second set was given: the first half of every recording was fitted and the second half judged it, so effects must be stronger to be seen. A second set of the same scenes doubles what can be told.".to_owned(),
         );
@@ -83,7 +89,11 @@ pub fn diagnose(
 }
 
 /// What every diagnosis needs.
-fn poor(setup: &Setup) -> Result<()> {
+fn poor(setup: &Setup, with_camera: bool) -> Result<()> {
+    // Maps, or a still scene, judge a camera that is given.
+    if with_camera && (setup.maps || setup.scenes.iter().any(|s| s.still.is_some())) {
+        return Ok(());
+    }
     let levels: Vec<f64> = setup.scenes.iter().filter_map(super::setup::Scene::level).collect();
     let lit = levels.iter().filter(|l| **l > 0.0).count();
     if levels.len() >= 3 && lit >= 2 && setup.geometry.width() >= 8 && setup.geometry.height() >= 8 {

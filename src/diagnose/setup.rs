@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 
 use super::scan::{Scan, scan};
-use super::vector::{Statistic, vector};
+use super::still::{self, Still};
+use super::vector::{Statistic, Vector, vector};
 use crate::calibrate::{Light, RecordingSet, Scene as Pattern};
 use crate::draws::Seeds;
 use crate::effects::Camera;
@@ -13,10 +14,10 @@ use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::{Geometry, Packed};
 
 /// Rates up to this have all intervals looked at.
-const DIM: f64 = 0.2;
+const DIM: f64 = 0.25;
 
 /// Fewest readouts of a recording that can be judged.
-const FEWEST: usize = 512;
+const FEWEST: usize = 256;
 
 /// One recording: what stood in front of the camera, and when.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,8 +30,8 @@ pub struct Scene {
     pub readouts: usize,
     /// Readouts of the same recording that came before.
     pub skip: usize,
-    /// Mean rate of an unknown scene.
-    pub rate: f64,
+    /// What is known of an unknown scene.
+    pub still: Option<Still>,
 }
 
 impl Scene {
@@ -54,7 +55,7 @@ impl Scene {
             Light::Scene(Pattern::Square { high, low, .. } | Pattern::Checkerboard { high, low, .. }) => {
                 0.5 * (high + low)
             }
-            Light::Scene(Pattern::StaticUnknown {}) => self.rate,
+            Light::Scene(Pattern::StaticUnknown {}) => self.still.as_ref().map_or(0.0, |s| s.mean),
         }
     }
 
@@ -64,13 +65,13 @@ impl Scene {
             Light::Scene(Pattern::Square { high, low, .. } | Pattern::Checkerboard { high, low, .. }) => {
                 high.max(low)
             }
-            _ => self.brightness(),
+            _ => self.still.as_ref().map_or(self.brightness(), |s| s.brightest),
         }
     }
 
     /// Whether the halves of rows are compared: where spikes are many and the light rests.
     pub(super) fn rows(&self) -> bool {
-        self.constant() && self.brightness() >= 0.09
+        self.constant() && self.still.is_none() && self.brightness() >= 0.09
     }
 
     pub(super) fn dim(&self) -> bool {
@@ -87,6 +88,8 @@ pub struct Setup {
     pub readout_hz: f64,
     /// The recordings.
     pub scenes: Vec<Scene>,
+    /// Whether rate maps stand in place of recordings.
+    pub maps: bool,
 }
 
 /// A camera and how far each scene's light is off: factors near one.
@@ -120,6 +123,7 @@ impl Setup {
     /// # Errors
     /// When a file cannot be read, or a recording is too short to judge.
     pub fn of(set: &RecordingSet, part: Part) -> Result<Self> {
+        let geometry = set.geometry()?;
         let mut scenes = Vec::new();
         for recording in &set.recordings {
             let reader = set.reader(recording)?;
@@ -132,33 +136,48 @@ impl Setup {
                         "record longer, or give a second set with --holdout so that this one is not split",
                     ));
             }
-            scenes.push(Scene {
-                name: recording.file.clone(),
-                light: recording.light,
-                readouts,
-                skip,
-                rate: 0.0,
-            });
+            let still = match recording.light {
+                Light::Scene(Pattern::StaticUnknown {}) => Some(Still::of(&reader)?),
+                _ => None,
+            };
+            let name = recording.file.clone();
+            scenes.push(Scene { name, light: recording.light, readouts, skip, still });
         }
-        Ok(Self { geometry: set.geometry()?, readout_hz: set.readout_hz, scenes })
+        let maps = scenes.is_empty() && set.rate_maps.len() >= 2;
+        Ok(Self { geometry, readout_hz: set.readout_hz, scenes, maps })
     }
 
     /// Reads and measures the recordings.
     pub(super) fn measure(&self, set: &RecordingSet) -> Result<Measured> {
+        if self.maps {
+            let values = still::measured_maps(self, set)?;
+            return Ok(Measured { scans: Vec::new(), values });
+        }
         let mut scans = Vec::new();
         for (scene, recording) in self.scenes.iter().zip(&set.recordings) {
             let reader = set.reader(recording)?;
             let mut bytes = vec![0; scene.readouts * self.geometry.frame_bytes()];
             reader.read_frames(scene.skip, &mut bytes)?;
-            scans.push(scan(Packed::new(self.geometry, &bytes)?, scene.dim(), scene.rows()));
+            let mut found = scan(Packed::new(self.geometry, &bytes)?, scene.dim(), scene.rows());
+            if let Some(still) = &scene.still {
+                still.keep(&mut found);
+            }
+            scans.push(found);
         }
         let values = vector(self, &scans).values;
         Ok(Measured { scans, values })
     }
 
     /// The entries of the vector.
-    pub(super) fn statistics(&self, scans: &[Scan]) -> Vec<Statistic> {
-        vector(self, scans).statistics
+    pub(super) fn statistics(&self, sample: &Sample, seed: u64) -> Result<Vec<Statistic>> {
+        Ok(self.vector(sample, seed)?.statistics)
+    }
+
+    fn vector(&self, sample: &Sample, seed: u64) -> Result<Vector> {
+        if self.maps {
+            return still::simulated_maps(self, sample, seed);
+        }
+        Ok(vector(self, &self.simulate(sample, seed)?))
     }
 
     /// Scans of the set as `sample` would give it.
@@ -167,7 +186,7 @@ impl Setup {
     }
 
     pub(super) fn values(&self, sample: &Sample, seed: u64) -> Result<Vec<f64>> {
-        Ok(vector(self, &self.simulate(sample, seed)?).values)
+        Ok(self.vector(sample, seed)?.values)
     }
 
     /// One recording of the simulated set.
@@ -178,6 +197,9 @@ impl Setup {
         let mut camera = sample.camera.clone();
         camera.sensor.geometry = self.geometry;
         camera.sensor.readout_hz = self.readout_hz;
+        if let Some(still) = &scene.still {
+            return still.simulate(camera, seeds, scene);
+        }
         let plan = Plan::with_light(&camera, seeds, (scene.greatest() * lamp).max(0.01))?;
         let mut simulator = Simulator::of_plan(plan);
         let (bytes, width) = (self.geometry.frame_bytes(), self.geometry.width());
@@ -190,7 +212,7 @@ impl Setup {
         let mut at = 0;
         while at < total {
             let now = hold.min(total - at);
-            let level = |p: usize| scene.light.at(p / width, p % width, at as u64).unwrap_or(scene.rate);
+            let level = |p: usize| scene.light.at(p / width, p % width, at as u64).unwrap_or(0.0);
             let samples: Vec<f32> = (0..self.geometry.pixels()).map(|p| (lamp * level(p)) as f32).collect();
             simulator
                 .push(FrameRef::f32(&samples, self.geometry), &mut out[at * bytes..(at + now) * bytes])?;

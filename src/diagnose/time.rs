@@ -62,7 +62,6 @@ fn jumps(v: &mut Vector, k: usize, scan: &Scan) {
     let window = (scan.pixels.len() as f64 * scan.deviations.len() as f64 / spikes.max(1.0)).round() as usize;
     let window = window.clamp(1, scan.deviations.len() / 4 + 1);
     let mut sum = [0.0; 2];
-    let (mut lowest, mut highest) = (0.0_f64, 0.0_f64);
     let (mut below, mut above) = (0.0, 0.0);
     let skip = 2 * window;
     for t in 0..scan.deviations.len() {
@@ -74,13 +73,10 @@ fn jumps(v: &mut Vector, k: usize, scan: &Scan) {
             continue;
         }
         let mean = sum[0] / sum[1];
-        (lowest, highest) = (lowest.min(mean), highest.max(mean));
         below += f64::from(u8::from(mean < -0.5)) / window as f64;
         above += f64::from(u8::from(mean > 0.5)) / window as f64;
     }
     let t = scan.deviations.len() as f64;
-    v.push(k, "shortest intervals of a moment", lowest, 0.01);
-    v.push(k, "longest intervals of a moment", highest, 0.01);
     v.rare(k, "moments with short intervals", below, t);
     v.rare(k, "moments with long intervals", above, t);
 }

@@ -54,10 +54,15 @@ pub(super) fn vector(setup: &Setup, scans: &[Scan]) -> Vector {
             intervals(&mut v, k, scan, scene.dim());
         }
         stability(&mut v, k, scan, scene.constant());
-        time::frames(&mut v, k, scan, scene);
-        if scene.level().is_none() && scene.constant() {
-            maps::unknown_scene(&mut v, k, scan);
+        if scene.still.is_some() {
+            // Totals and neighbours belong to the scene as well.
+            continue;
         }
+        if scene.still.is_some() {
+            // Totals and neighbours belong to the scene as well.
+            continue;
+        }
+        time::frames(&mut v, k, scan, scene);
         edges::steps(&mut v, k, scan, scene);
         if let Some(fitted) = &fitted {
             edges::checkerboard(&mut v, k, scan, scene, fitted);
