@@ -113,15 +113,23 @@ fn jobs(args: &Args) -> Vec<Job> {
     let most = args.counts.into_iter().max().unwrap_or(0);
     let mut jobs = Vec::new();
     for index in 0..most {
-        if index < singles {
-            jobs.extend(inside.iter().map(|k| Job { class: "single", kinds: vec![*k], index }));
-        }
         if index < nulls {
             jobs.push(Job { class: "null", kinds: Vec::new(), index });
         }
-        if index < unknown {
-            jobs.extend(OUTSIDE.iter().map(|k| Job { class: "outside", kinds: vec![k], index }));
+        // Side by side, so that a run that is cut short has some of each.
+        let outside = OUTSIDE.iter().filter(|_| index < unknown).map(|k| Job {
+            class: "outside",
+            kinds: vec![k],
+            index,
+        });
+        let mut outside = outside.collect::<Vec<_>>().into_iter();
+        for (i, kind) in inside.iter().enumerate().filter(|_| index < singles) {
+            jobs.push(Job { class: "single", kinds: vec![*kind], index });
+            if i % 3 == 2 {
+                jobs.extend(outside.next());
+            }
         }
+        jobs.extend(outside);
         if index < doubles {
             let pick = |salt: usize| inside[(index * 7 + salt * 11 + index * index) % inside.len()];
             let (a, b) = (pick(0), pick(1 + index % 3));

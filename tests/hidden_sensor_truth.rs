@@ -4,11 +4,11 @@ mod hidden_sensor;
 
 use hidden_sensor::{INSIDE, Kind, OUTSIDE, Physics, Scene, Sensor, record};
 
-/// A sixth of the largest strength, on a small sensor.
+/// Half of the largest strength, on a small sensor.
 fn bits(kind: Option<&Kind>, scene: Scene) -> Vec<u8> {
     let mut physics = Physics::default();
     if let Some(kind) = kind {
-        (kind.set)(&mut physics, kind.largest / 6.0, [0.4, 0.6, 0.5]);
+        (kind.set)(&mut physics, kind.largest / 2.0, [0.4, 0.6, 0.5]);
     }
     record(&Sensor::new(physics, 24, 24, 5), scene, 300, 3)
 }

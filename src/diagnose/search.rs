@@ -18,9 +18,9 @@ const ROUNDS: usize = 4;
 const TOURNAMENT: usize = 3;
 
 /// Simulations of a mean: in the tournament, in its last comparison, and of the final model.
-const FEW: usize = 4;
-const SOME: usize = 12;
-const MANY: usize = 40;
+const FEW: usize = 3;
+const SOME: usize = 8;
+const MANY: usize = 30;
 
 /// A candidate that was fitted beside the winner.
 #[derive(Clone, Debug)]
