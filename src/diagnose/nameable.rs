@@ -117,7 +117,7 @@ impl Reference {
 }
 
 /// How much further than tried the amplitude can go.
-fn reach(s: &Signature) -> f64 {
+pub(super) fn reach(s: &Signature) -> f64 {
     let (knob, u) = (s.candidate.knobs[0], s.candidate.at[0]);
     let most = knob.position(if u * knob.unit < 0.0 && knob.scale == Scale::Linear {
         knob.range.0

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::fit::Fit;
 use super::metric::{Metric, Noise};
 use super::model::LAMP;
+use super::nameable::reach;
 use super::reference::{Progress, Reference, Signature, gamma_limit};
 use crate::draws::pattern::Pattern;
 use crate::draws::{Seeds, Stream};
@@ -13,6 +14,9 @@ use crate::error::Result;
 
 /// Most effects that are added.
 const ROUNDS: usize = 4;
+
+/// Furthest that a signature is stretched: beyond, another one of the same effect is nearer.
+const FURTHEST: f64 = 8.0;
 
 /// Candidates of a tournament.
 const TOURNAMENT: usize = 3;
@@ -288,13 +292,13 @@ fn centre(values: &[f64]) -> (f64, f64) {
     (median, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
 }
 
-/// How much of `off` a signature takes away at its best scale, within half an order of where it was made.
+/// How much of `off` a signature takes away at its best scale, within the effect's range.
 fn promise<'a>(metric: &Metric, off: &DVector<f64>, signature: &'a Signature) -> (f64, f64, &'a Signature) {
     let dual = metric.dual(&signature.mean);
     let (along, square) = (dual.dot(off), dual.dot(&signature.mean));
     if square <= 0.0 || along <= 0.0 {
         return (0.0, 0.0, signature);
     }
-    let scale = (along / square).min(1.6);
+    let scale = (along / square).min(reach(signature)).min(FURTHEST);
     (2.0 * scale * along - scale * scale * square, scale, signature)
 }

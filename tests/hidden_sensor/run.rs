@@ -1,7 +1,7 @@
 //! The readouts of a hidden sensor.
 
+use rand::RngExt;
 use rand::rngs::Xoshiro256PlusPlus as Generator;
-use rand::{Rng, RngExt};
 use rand_distr::{Distribution, Poisson};
 
 use super::physics::{Physics, Sensor, generator, normal};
