@@ -18,6 +18,9 @@ use crate::error::{Error, Kind, Result};
 /// Power over the mean from which on a line in the frame totals is worth a frequency.
 const LINE: f64 = 12.0;
 
+/// Furthest factor from the published numbers at which a calibration is believed.
+const PLAUSIBLE: f64 = 2.5;
+
 /// What a diagnosis is given besides the recordings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options<'a> {
@@ -151,7 +154,9 @@ fn moved(camera: &Camera, c: &Calibration) -> Result<Camera> {
     let mut camera = camera.clone();
     for (name, key, value) in values {
         let effect = camera.effect(name).cloned().unwrap_or(find(name)?.neutral());
-        let usable = value.is_finite() && value > 0.0;
+        // An effect that is not in the model can send a static calibration anywhere; the search's own
+        // fit of these numbers then starts from the published ones.
+        let usable = (1.0 / PLAUSIBLE..PLAUSIBLE).contains(&(value / effect.get(key)?));
         camera = if usable { camera.with(effect.with(key, value)?) } else { camera };
     }
     Ok(camera)
