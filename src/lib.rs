@@ -41,6 +41,8 @@ pub mod calibrate;
 pub mod compare;
 #[cfg(feature = "scene")]
 pub mod dataset;
+#[cfg(all(feature = "files", feature = "threads"))]
+pub mod diagnose;
 pub mod draws;
 pub mod effects;
 pub mod error;

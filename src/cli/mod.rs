@@ -7,6 +7,7 @@ mod compare;
 mod completions;
 mod convert;
 mod dataset;
+mod diagnose;
 mod effects;
 mod evaluate;
 mod first_run;
@@ -62,6 +63,7 @@ enum Command {
     Measure(measure::Args),
     Calibrate(calibrate::Args),
     Compare(compare::Args),
+    Diagnose(diagnose::Args),
     Record(record::Args),
     Scene(scene::Args),
     Dataset(Box<dataset::Args>),
@@ -97,6 +99,7 @@ fn dispatch(command: Option<Command>, out: &Out) -> Result<()> {
         Some(Command::Measure(args)) => measure::run(&args, out),
         Some(Command::Calibrate(args)) => calibrate::run(&args, out),
         Some(Command::Compare(args)) => compare::run(&args, out),
+        Some(Command::Diagnose(args)) => diagnose::run(&args),
         Some(Command::Record(args)) => record::run(&args, out),
         Some(Command::Scene(args)) => scene::run(&args, out),
         Some(Command::Dataset(args)) => dataset::run(&args, out),

@@ -1,0 +1,255 @@
+//! The blind study of `diagnose`: hidden sensors of which the library knows nothing, and what it says of them.
+//!
+//! `cargo bench --bench diagnose -- FOLDER [--nulls N] [--singles N] [--unknown N] [--doubles N]
+//! [--names A,B] [--minutes M]` adds sensors to FOLDER, one JSON file each, and leaves those alone that are there;
+//! with `--report FILE` it writes the tables of what is there.
+
+#[path = "../tests/hidden_sensor/mod.rs"]
+mod hidden_sensor;
+#[path = "diagnose/report.rs"]
+mod report;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use hidden_sensor::{INSIDE, Kind, OUTSIDE, Physics, SMALL, Sensor, write_set};
+use serde_json::{Value, json};
+use spikelane::calibrate::RecordingSet;
+use spikelane::diagnose::{Diagnosis, Nameable, Options, Part, Reference, Setup, diagnose, published};
+
+/// Log-uniform strengths, in smallest nameable ones.
+const STRENGTHS: (f64, f64) = (2.0, 30.0);
+
+struct Args {
+    folder: PathBuf,
+    counts: [usize; 4],
+    names: Vec<String>,
+    minutes: f64,
+    report: Option<PathBuf>,
+}
+
+fn arguments() -> Args {
+    let mut args = Args {
+        folder: PathBuf::from("target/diagnosis"),
+        counts: [0; 4],
+        names: Vec::new(),
+        minutes: 1e9,
+        report: None,
+    };
+    let mut all = std::env::args().skip(1);
+    while let Some(arg) = all.next() {
+        let mut next = || all.next().unwrap_or_else(|| panic!("{arg} needs a value"));
+        match arg.as_str() {
+            "--bench" => {}
+            "--nulls" => args.counts[0] = next().parse().unwrap(),
+            "--singles" => args.counts[1] = next().parse().unwrap(),
+            "--unknown" => args.counts[2] = next().parse().unwrap(),
+            "--doubles" => args.counts[3] = next().parse().unwrap(),
+            "--names" => args.names = next().split(',').map(str::to_owned).collect(),
+            "--minutes" => args.minutes = next().parse().unwrap(),
+            "--report" => args.report = Some(PathBuf::from(next())),
+            folder => args.folder = PathBuf::from(folder),
+        }
+    }
+    args
+}
+
+/// What is hidden in a sensor.
+struct Job {
+    class: &'static str,
+    kinds: Vec<&'static Kind>,
+    index: usize,
+}
+
+impl Job {
+    fn id(&self) -> String {
+        let names: Vec<String> = self.kinds.iter().map(|k| k.name.replace(' ', "_")).collect();
+        format!("{}-{}-{:03}", self.class, names.join("+"), self.index)
+    }
+
+    fn seed(&self) -> u64 {
+        // FNV-1a of the name: a sensor is the same in every run of the study.
+        self.id()
+            .bytes()
+            .fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01B3))
+    }
+}
+
+fn main() {
+    let args = arguments();
+    std::fs::create_dir_all(&args.folder).unwrap();
+    let jobs = jobs(&args);
+    let start = Instant::now();
+    let mut reference: Option<(Reference, Vec<Nameable>)> = None;
+    for job in &jobs {
+        let file = args.folder.join(format!("{}.json", job.id()));
+        if file.exists() {
+            continue;
+        }
+        if start.elapsed().as_secs_f64() > 60.0 * args.minutes {
+            break;
+        }
+        let (shared, strengths) = reference.get_or_insert_with(|| shared(&args.folder));
+        let record = run(job, shared, strengths);
+        println!("{}", summary(&record));
+        std::fs::write(&file, serde_json::to_string_pretty(&record).unwrap()).unwrap();
+    }
+    if let Some(path) = &args.report {
+        report::write(&args.folder, path);
+    }
+}
+
+fn jobs(args: &Args) -> Vec<Job> {
+    let [nulls, singles, unknown, doubles] = args.counts;
+    let chosen = |k: &&&'static Kind| {
+        spikelane::effects::find(k.name).is_ok()
+            && (args.names.is_empty() || args.names.iter().any(|n| n == k.name))
+    };
+    // Other numbers of the base model are what calibration fits: nothing to find.
+    let base = ["thermal_noise", "prnu", "dark_current"];
+    let all: Vec<&'static Kind> = INSIDE.iter().collect();
+    let inside: Vec<&'static Kind> =
+        all.iter().filter(chosen).copied().filter(|k| !base.contains(&k.name)).collect();
+    let most = args.counts.into_iter().max().unwrap_or(0);
+    let mut jobs = Vec::new();
+    for index in 0..most {
+        if index < nulls {
+            jobs.push(Job { class: "null", kinds: Vec::new(), index });
+        }
+        // Side by side, so that a run that is cut short has some of each.
+        let outside = OUTSIDE.iter().filter(|_| index < unknown).map(|k| Job {
+            class: "outside",
+            kinds: vec![k],
+            index,
+        });
+        let mut outside = outside.collect::<Vec<_>>().into_iter();
+        for (i, kind) in inside.iter().enumerate().filter(|_| index < singles) {
+            jobs.push(Job { class: "single", kinds: vec![*kind], index });
+            if i % 3 == 2 {
+                jobs.extend(outside.next());
+            }
+        }
+        jobs.extend(outside);
+        if index < doubles {
+            let pick = |salt: usize| inside[(index * 7 + salt * 11 + index * index) % inside.len()];
+            let (a, b) = (pick(0), pick(1 + index % 3));
+            if a.name != b.name {
+                jobs.push(Job { class: "double", kinds: vec![a, b], index });
+            }
+        }
+    }
+    jobs
+}
+
+/// The simulations that all sensors share: they have one protocol and one published model.
+fn shared(folder: &Path) -> (Reference, Vec<Nameable>) {
+    let start = Instant::now();
+    let clean = folder.join("protocol");
+    write_set(&Sensor::new(Physics::default(), SMALL.width, SMALL.height, 1), SMALL, 0, &clean);
+    let set = RecordingSet::open(&clean.join("recordings.toml")).unwrap();
+    let setup = Setup::of(&set, Part::Whole).unwrap();
+    let camera = published(&setup).unwrap();
+    let reference = Reference::new(setup, camera, 1, &mut |_, _| {}).unwrap();
+    let nameable = reference.nameable();
+    let seconds = start.elapsed().as_secs_f64();
+    println!("reference in {seconds:.1} s, limits {:?}", reference.limits);
+    let table: Vec<Value> = nameable.iter().map(|n| serde_json::to_value(n).unwrap()).collect();
+    for n in &nameable {
+        println!("  {:<24} {} {:.3e}, like {} ({:+.2})", n.name, n.key, n.strength, n.nearest, n.alike);
+    }
+    let whole = json!({ "seconds": seconds, "nameable": table });
+    std::fs::write(folder.join("reference.txt"), serde_json::to_string_pretty(&whole).unwrap()).unwrap();
+    std::fs::remove_dir_all(&clean).unwrap();
+    (reference, nameable)
+}
+
+fn uniform(seed: u64, place: u64) -> f64 {
+    // splitmix64
+    let mut z = seed.wrapping_add(0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(place + 1));
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    (z ^ (z >> 31)) as f64 / u64::MAX as f64
+}
+
+fn run(job: &Job, reference: &Reference, nameable: &[Nameable]) -> Value {
+    let seed = job.seed();
+    let mut physics = Physics::default();
+    let mut hidden = Vec::new();
+    for (i, kind) in job.kinds.iter().enumerate() {
+        let u = |k: u64| uniform(seed, 10 * i as u64 + k);
+        let smallest = nameable.iter().find(|n| n.name == kind.name).map(|n| n.strength);
+        let wanted = match smallest {
+            Some(s) => s * STRENGTHS.0 * (STRENGTHS.1 / STRENGTHS.0).powf(u(0)),
+            None => kind.largest * 0.1_f64.powf(u(0)),
+        };
+        let strength = wanted.min(kind.largest);
+        (kind.set)(&mut physics, strength, [u(1), u(2), u(3)]);
+        hidden.push(json!({ "name": kind.name, "strength": strength, "nameable": smallest }));
+    }
+    let sensor = Sensor::new(physics, SMALL.width, SMALL.height, seed);
+    let folder = std::env::temp_dir().join(format!("spikelane-study-{}", std::process::id()));
+    let sets = [0, 1].map(|take| {
+        let path = folder.join(format!("take{take}"));
+        write_set(&sensor, SMALL, take, &path);
+        RecordingSet::open(&path.join("recordings.toml")).unwrap()
+    });
+    let options = Options { camera: None, reference: Some(reference), seed: 1 };
+    let found = diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {});
+    std::fs::remove_dir_all(&folder).unwrap();
+    let said = match &found {
+        Ok(diagnosis) => serde_json::to_value(diagnosis).unwrap(),
+        Err(error) => json!({ "error": error.to_string() }),
+    };
+    let score = score(&job.kinds, found.as_ref().ok());
+    json!({ "id": job.id(), "class": job.class, "hidden": hidden, "score": score, "said": said })
+}
+
+/// Names that were said (without those that are likenesses), with their ties.
+fn said(diagnosis: &Diagnosis) -> Vec<(String, Vec<String>)> {
+    let owned = |ties: &[&str]| ties.iter().map(|t| (*t).to_owned()).collect();
+    let effects =
+        diagnosis.effects.iter().filter(|e| !e.resembles).map(|e| (e.name.to_owned(), owned(&e.tied_with)));
+    let misfits = diagnosis
+        .misfits
+        .iter()
+        .map(|m| (m.parameter.split('.').next().unwrap_or_default().to_owned(), owned(&m.tied_with)));
+    effects.chain(misfits).collect()
+}
+
+fn score(kinds: &[&Kind], diagnosis: Option<&Diagnosis>) -> Value {
+    let Some(diagnosis) = diagnosis else { return json!({ "error": true }) };
+    let names = said(diagnosis);
+    let exact = |k: &&&Kind| names.iter().any(|(n, _)| n == k.name);
+    let tied = |k: &&&Kind| names.iter().any(|(n, t)| n == k.name || t.iter().any(|t| t == k.name));
+    let wrong: Vec<&String> = names
+        .iter()
+        .filter(|(n, t)| !kinds.iter().any(|k| k.name == n || t.iter().any(|t| t == k.name)))
+        .map(|(n, _)| n)
+        .collect();
+    json!({
+        "exact": kinds.iter().filter(exact).count(),
+        "tied": kinds.iter().filter(tied).count(),
+        "wrong": wrong,
+        "verdict": diagnosis.verdict,
+        "names": names.iter().map(|n| &n.0).collect::<Vec<_>>(),
+    })
+}
+
+fn summary(record: &Value) -> String {
+    let first = &record["hidden"][0];
+    format!(
+        "{:<44} {:>9.2e}  {:<16} exact {} tied {} said {} wrong {} gap {} -> {} floor {:.0} {:.1} s {}",
+        record["id"].as_str().unwrap_or_default(),
+        first["strength"].as_f64().unwrap_or(0.0),
+        record["score"]["verdict"].as_str().unwrap_or("error"),
+        record["score"]["exact"],
+        record["score"]["tied"],
+        record["score"]["names"],
+        record["score"]["wrong"],
+        record["said"]["gap"]["heldout"][0].as_f64().unwrap_or(0.0) as i64,
+        record["said"]["gap"]["heldout"].as_array().and_then(|a| a.last()?.as_f64()).unwrap_or(0.0) as i64,
+        record["said"]["gap"]["floor"].as_f64().unwrap_or(0.0),
+        record["said"]["seconds"].as_f64().unwrap_or(0.0),
+        record["said"]["error"].as_str().unwrap_or(""),
+    )
+}

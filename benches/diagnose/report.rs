@@ -1,0 +1,216 @@
+//! The study's tables.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use serde_json::Value;
+
+/// Upper end of the 95 % interval of Clopper and Pearson: the share at which `found` or fewer of `n` has chance 2.5 %.
+fn upper(found: usize, n: usize) -> f64 {
+    if found >= n {
+        return 1.0;
+    }
+    let chance = |p: f64| {
+        let mut term = (1.0 - p).powi(n as i32);
+        let mut sum = term;
+        for i in 0..found {
+            term *= (n - i) as f64 / (i + 1) as f64 * p / (1.0 - p);
+            sum += term;
+        }
+        sum
+    };
+    let (mut low, mut high) = (found as f64 / n as f64, 1.0 - 1e-12);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if chance(middle) > 0.025 { low = middle } else { high = middle }
+    }
+    high
+}
+
+struct Row {
+    n: usize,
+    exact: usize,
+    tied: usize,
+    silent: usize,
+    covered: usize,
+    intervals: usize,
+    explained: usize,
+    shrunk: usize,
+    said: BTreeMap<String, usize>,
+}
+
+const EMPTY: Row = Row {
+    n: 0,
+    exact: 0,
+    tied: 0,
+    silent: 0,
+    covered: 0,
+    intervals: 0,
+    explained: 0,
+    shrunk: 0,
+    said: BTreeMap::new(),
+};
+
+fn add(row: &mut Row, record: &Value) {
+    let score = &record["score"];
+    let name = record["hidden"][0]["name"].as_str().unwrap_or("clean");
+    row.n += 1;
+    row.exact += usize::from(score["exact"] == 1);
+    row.tied += usize::from(score["tied"] == 1);
+    let names: Vec<&str> =
+        score["names"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    row.silent += usize::from(score["verdict"] == "agrees");
+    for said in names.iter().filter(|n| **n != name) {
+        *row.said.entry((*said).to_owned()).or_default() += 1;
+    }
+    let gap = &record["said"]["gap"];
+    let (first, last) =
+        (gap["heldout"][0].as_f64(), gap["heldout"].as_array().and_then(|a| a.last()?.as_f64()));
+    if let (Some(first), Some(last), "explained") = (first, last, score["verdict"].as_str().unwrap_or("")) {
+        let (floor, sd) = (gap["floor"].as_f64().unwrap_or(0.0), gap["floor_sd"].as_f64().unwrap_or(0.0));
+        row.explained += 1;
+        row.shrunk += usize::from(last - floor <= f64::max(0.01 * (first - floor), 2.0 * sd));
+    }
+    if let (Some(covered), true) = (covers(record, name), score["exact"] == 1) {
+        row.intervals += 1;
+        row.covered += usize::from(covered);
+    }
+}
+
+/// Whether the interval of the amplitude holds the hidden strength.
+fn covers(record: &Value, name: &str) -> Option<bool> {
+    let strength = record["hidden"][0]["strength"].as_f64()?;
+    let effects = record["said"]["effects"].as_array()?;
+    let misfits = record["said"]["misfits"].as_array()?;
+    let of_effect = effects.iter().find(|e| e["name"] == name).map(|e| &e["parameters"][0]);
+    let of_misfit =
+        misfits.iter().find(|m| m["parameter"].as_str().is_some_and(|p| p.split('.').next() == Some(name)));
+    let interval = of_effect.or(of_misfit)?;
+    let (low, high) = (interval["low"].as_f64()?, interval["high"].as_f64()?);
+    let truth = match name {
+        "dead_time" => 0.002 + strength,
+        "saturation_clamp" => 2.0 - strength,
+        "edge_columns" => 1.0 + strength,
+        _ => strength,
+    };
+    let held = |x: f64| low <= x && x <= high;
+    // Effects of either sign are hidden with either.
+    let signed =
+        ["response_nonlinearity", "gain_drift", "spike_coupling", "supply_droop", "gain_dark_correlation"];
+    Some(held(truth) || signed.contains(&name) && held(-truth))
+}
+
+fn records(folder: &Path) -> Vec<Value> {
+    let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+    files.sort();
+    let json = files.iter().filter(|p| p.extension().is_some_and(|e| e == "json"));
+    json.map(|p| serde_json::from_str(&std::fs::read_to_string(p).unwrap()).unwrap()).collect()
+}
+
+/// Replaces what lies between the marks of the page, or makes the page.
+pub fn write(folder: &Path, path: &Path) {
+    const MARKS: (&str, &str) = ("<!-- tables -->\n", "<!-- end of tables -->");
+    let tables = tables(&records(folder));
+    let page =
+        std::fs::read_to_string(path).unwrap_or_else(|_| format!("# Diagnosis\n\n{}{}\n", MARKS.0, MARKS.1));
+    let (before, rest) = page.split_once(MARKS.0).expect("the page has marks for its tables");
+    let (_, after) = rest.split_once(MARKS.1).expect("the tables have an end");
+    std::fs::write(path, format!("{before}{}{tables}{}{after}", MARKS.0, MARKS.1)).unwrap();
+}
+
+fn tables(records: &[Value]) -> String {
+    let of = |class: &str| records.iter().filter(|r| r["class"] == class).collect::<Vec<_>>();
+    let mut text = String::new();
+    nulls(&mut text, &of("null"));
+    singles(&mut text, &of("single"));
+    outside(&mut text, &of("outside"));
+    doubles(&mut text, &of("double"));
+    let seconds: Vec<f64> = records.iter().filter_map(|r| r["said"]["seconds"].as_f64()).collect();
+    let longest = seconds.iter().copied().fold(0.0, f64::max);
+    let mean = seconds.iter().sum::<f64>() / seconds.len().max(1) as f64;
+    writeln!(text, "Seconds a sensor, simulations shared by all sensors left out: mean {mean:.1}, longest {longest:.1}.\n").unwrap();
+    text
+}
+
+fn nulls(text: &mut String, all: &[&Value]) {
+    let alarms = all.iter().filter(|r| r["score"]["verdict"] != "agrees").count();
+    let named = all.iter().filter(|r| r["score"]["names"].as_array().is_some_and(|n| !n.is_empty())).count();
+    writeln!(
+        text,
+        "### Clean sensors\n\n{} ran; {alarms} with an alarm, {named} of them with a name. The upper end of the 95 % interval \
+         (Clopper and Pearson) of the share with an alarm is {:.1} %.\n",
+        all.len(),
+        100.0 * upper(alarms, all.len())
+    )
+    .unwrap();
+}
+
+fn singles(text: &mut String, all: &[&Value]) {
+    let mut rows: BTreeMap<&str, Row> = BTreeMap::new();
+    for record in all {
+        add(rows.entry(record["hidden"][0]["name"].as_str().unwrap_or("?")).or_insert(EMPTY), record);
+    }
+    let sum = |f: fn(&Row) -> usize| rows.values().map(f).sum::<usize>();
+    let (n, exact, tied) = (sum(|r| r.n), sum(|r| r.exact), sum(|r| r.tied));
+    let (covered, intervals) = (sum(|r| r.covered), sum(|r| r.intervals));
+    let share = |a: usize, b: usize| 100.0 * a as f64 / b.max(1) as f64;
+    writeln!(
+        text,
+        "### Single effects\n\n{n} ran. Exact name: {exact} ({:.0} %); exact or tied: {tied} ({:.0} %). The 95 % interval of the amplitude holds \
+         the truth in {covered} of {intervals} ({:.0} %). Of {} sets called explained, {} have a held-out excess within the limit.\n",
+        share(exact, n),
+        share(tied, n),
+        share(covered, intervals),
+        sum(|r| r.explained),
+        sum(|r| r.shrunk)
+    )
+    .unwrap();
+    text.push_str("| effect | sensors | exact | exact or tied | agrees | interval holds | other names said |\n|---|---|---|---|---|---|---|\n");
+    for (name, r) in &rows {
+        let said: Vec<String> = r.said.iter().map(|(n, k)| format!("{n} {k}")).collect();
+        writeln!(
+            text,
+            "| `{name}` | {} | {} | {} | {} | {}/{} | {} |",
+            r.n,
+            r.exact,
+            r.tied,
+            r.silent,
+            r.covered,
+            r.intervals,
+            said.join(", ")
+        )
+        .unwrap();
+    }
+    text.push('\n');
+}
+
+fn outside(text: &mut String, all: &[&Value]) {
+    let mut rows: BTreeMap<&str, [usize; 4]> = BTreeMap::new();
+    for r in all {
+        let row = rows.entry(r["hidden"][0]["name"].as_str().unwrap_or("?")).or_default();
+        let named = r["score"]["names"].as_array().is_some_and(|n| !n.is_empty());
+        row[0] += 1;
+        row[1] += usize::from(r["score"]["verdict"] == "unknown");
+        row[2] += usize::from(named);
+        row[3] += usize::from(r["score"]["verdict"] == "agrees");
+    }
+    text.push_str("### From outside of the catalogue\n\n| effect | sensors | unknown | misnamed | agrees |\n|---|---|---|---|---|\n");
+    for (name, r) in rows {
+        writeln!(text, "| {name} | {} | {} | {} | {} |", r[0], r[1], r[2], r[3]).unwrap();
+    }
+    text.push('\n');
+}
+
+fn doubles(text: &mut String, all: &[&Value]) {
+    let number = |r: &Value, key: &str| r["score"][key].as_u64().unwrap_or(0) as usize;
+    let hidden: usize = all.iter().map(|r| r["hidden"].as_array().map_or(0, Vec::len)).sum();
+    let found: usize = all.iter().map(|r| number(r, "tied")).sum();
+    let wrong: usize = all.iter().map(|r| r["score"]["wrong"].as_array().map_or(0, Vec::len)).sum();
+    writeln!(
+        text,
+        "### Two effects at once\n\n{} ran, with {hidden} effects; {found} found (exact or tied), {wrong} names wrong.\n",
+        all.len()
+    )
+    .unwrap();
+}

@@ -1,0 +1,112 @@
+//! `spikelane diagnose`: what a camera has that its model lacks.
+
+use std::path::PathBuf;
+
+use clap::Args as ClapArgs;
+
+use spikelane::calibrate::RecordingSet;
+use spikelane::diagnose::{Diagnosis, Options, Part, Reference, Setup, Verdict, diagnose, page, published};
+use spikelane::error::{Error, Kind, Result};
+use spikelane::presets;
+use spikelane::simulate::save_camera;
+use spikelane::storage::write_small;
+
+/// Find what the model of a camera lacks, name it, and add it.
+#[derive(Debug, ClapArgs)]
+pub struct Args {
+    /// The recording set (TOML).
+    recordings: PathBuf,
+    /// The model to start from, a preset or camera file; without one the published model is calibrated.
+    #[arg(long)]
+    camera: Option<String>,
+    /// A second set of the same scenes, which judges what the first one names.
+    #[arg(long)]
+    holdout: Option<PathBuf>,
+    /// Seed of the simulations: the same seed gives the same diagnosis.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Only print how strong each effect must be before this set can name it.
+    #[arg(long)]
+    nameable: bool,
+    /// Folder for diagnosis.json, camera.toml and report.html.
+    #[arg(short, long, default_value = "diagnosis")]
+    out: PathBuf,
+    /// Replace existing files.
+    #[arg(long)]
+    force: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// When a set is bad, or a file cannot be written.
+pub fn run(args: &Args) -> Result<()> {
+    let set = RecordingSet::open(&args.recordings)?;
+    let holdout = args.holdout.as_deref().map(RecordingSet::open).transpose()?;
+    let camera = args.camera.as_deref().map(presets::load).transpose()?;
+    let bar = indicatif::ProgressBar::new(1000);
+    let mut progress = |what: &str, share: f64| {
+        bar.set_message(what.to_owned());
+        bar.set_position((share * 1000.0) as u64);
+    };
+    if args.nameable {
+        let setup = Setup::of(&set, if holdout.is_some() { Part::Whole } else { Part::First })?;
+        let camera = camera.map_or_else(|| published(&setup), Ok)?;
+        let reference = Reference::new(setup, camera, args.seed, &mut progress)?;
+        bar.finish_and_clear();
+        for n in reference.nameable() {
+            println!(
+                "{:<24} {} {:.3e}   most like {} ({:+.2})",
+                n.name, n.key, n.strength, n.nearest, n.alike
+            );
+        }
+        return Ok(());
+    }
+    let options = Options { camera: camera.as_ref(), reference: None, seed: args.seed };
+    let found = diagnose(&set, holdout.as_ref(), options, &mut progress)?;
+    bar.finish_and_clear();
+    write(&found, args)?;
+    say(&found);
+    Ok(())
+}
+
+fn write(found: &Diagnosis, args: &Args) -> Result<()> {
+    std::fs::create_dir_all(&args.out).map_err(|e| Error::io(args.out.display(), e))?;
+    let json =
+        serde_json::to_string_pretty(found).map_err(|e| Error::new(Kind::Config, "diagnosis").found(e))?;
+    write_small(&args.out.join("diagnosis.json"), json.as_bytes(), args.force)?;
+    write_small(&args.out.join("report.html"), page(found)?.as_bytes(), args.force)?;
+    save_camera(&found.camera, &args.out, args.force)?;
+    println!("{}", args.out.join("report.html").display());
+    Ok(())
+}
+
+fn say(found: &Diagnosis) {
+    let verdict = match found.verdict {
+        Verdict::Agrees => "agrees",
+        Verdict::Explained => "explained",
+        Verdict::PartlyExplained => "partly explained",
+        Verdict::Unknown => "unknown",
+    };
+    println!("{verdict} ({:.1} s)", found.seconds);
+    for effect in &found.effects {
+        let ties = if effect.tied_with.is_empty() {
+            String::new()
+        } else {
+            format!(", or {}", effect.tied_with.join(", "))
+        };
+        println!("{}{}{ties}", if effect.resembles { "resembles " } else { "" }, effect.name);
+        for p in &effect.parameters {
+            println!("  {} {:.5} ({:.5} to {:.5})", p.name, p.value, p.low, p.high);
+        }
+    }
+    for m in &found.misfits {
+        println!(
+            "misfit {}: {:.5} ({:.5} to {:.5}), the model has {:.5}",
+            m.parameter, m.fitted, m.low, m.high, m.model
+        );
+    }
+    for u in &found.unknown {
+        println!("left: {} ({:+.1} standard deviations)", u.r#where, u.z);
+    }
+}

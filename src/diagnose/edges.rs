@@ -1,0 +1,80 @@
+//! What happens after a step of the light, and beside one.
+
+use super::lines::Lines;
+use super::scan::Scan;
+use super::setup::Scene;
+use super::spread::Spread;
+use super::vector::{Vector, ln};
+use crate::calibrate::{Light, Scene as Pattern};
+
+/// Windows after an edge, in readouts.
+const WINDOWS: [(usize, usize); 4] = [(2, 20), (20, 60), (60, 120), (120, 300)];
+
+/// Readouts from an edge on, after which the light counts as steady.
+const STEADY: usize = 300;
+
+pub(super) fn steps(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
+    let Light::Scene(Pattern::Square { half_period, .. }) = scene.light else { return };
+    let half = half_period as usize;
+    if half < STEADY + 40 {
+        return;
+    }
+    const UP: [&str; 4] = [
+        "2 to 20 readouts after a rise",
+        "20 to 60 after a rise",
+        "60 to 120 after a rise",
+        "120 to 300 after a rise",
+    ];
+    const DOWN: [&str; 4] = [
+        "2 to 20 readouts after a fall",
+        "20 to 60 after a fall",
+        "60 to 120 after a fall",
+        "120 to 300 after a fall",
+    ];
+    // The set begins bright, so the first bright half period follows no rise.
+    for (names, first) in [(UP, 2), (DOWN, 1)] {
+        let mean = |from: usize, to: usize| {
+            let (mut sum, mut count) = (0.0, 0.0);
+            let mut start = first * half;
+            while start + half <= scan.totals.len() {
+                sum += scan.totals[start + from..start + to].iter().map(|c| f64::from(*c)).sum::<f64>();
+                count += (to - from) as f64;
+                start += 2 * half;
+            }
+            sum / f64::max(count, 1.0)
+        };
+        let steady = mean(STEADY, half);
+        for (name, (from, to)) in names.into_iter().zip(WINDOWS) {
+            v.push(k, name, 10.0 * (ln(mean(from, to)) - ln(steady)), 1e-3);
+        }
+    }
+}
+
+/// Pixels at the border of a square and inside of it, against what their lines promise.
+pub(super) fn checkerboard(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene, lines: &Lines) {
+    let Light::Scene(Pattern::Checkerboard { high, low, cell }) = scene.light else { return };
+    let (width, height) = (scan.geometry.width(), scan.geometry.height());
+    let cell = cell.max(1) as usize;
+    let bright = |row: usize, col: usize| (row / cell + col / cell).is_multiple_of(2);
+    let mut groups: [Vec<f64>; 4] = Default::default();
+    for p in 0..width * height {
+        let (row, col) = (p / width, p % width);
+        let own = bright(row, col);
+        let beside = [(row.wrapping_sub(1), col), (row + 1, col), (row, col.wrapping_sub(1)), (row, col + 1)];
+        let edge = beside.iter().any(|(r, c)| *r < height && *c < width && bright(*r, *c) != own);
+        let rate = scan.pixels[p].rate;
+        let expected = lines.expected(p, if own { high } else { low });
+        if expected > 0.0 && rate < 0.985 {
+            groups[2 * usize::from(!own) + usize::from(edge)].push(rate / expected - 1.0);
+        }
+    }
+    const NAMES: [&str; 4] = [
+        "bright squares, inside",
+        "bright squares, at the edge",
+        "dark squares, inside",
+        "dark squares, at the edge",
+    ];
+    for (name, group) in NAMES.into_iter().zip(&groups) {
+        v.push(k, name, 1e3 * Spread::of(group).trimmed, 0.02);
+    }
+}

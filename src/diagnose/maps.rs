@@ -1,0 +1,182 @@
+//! Statistics of maps: of gain and dark current, or of an unknown scene.
+
+use realfft::RealFftPlanner;
+
+use super::lines::Lines;
+use super::spread::Spread;
+use super::vector::{Vector, ln};
+
+/// Names of one map's statistics.
+struct Names([&'static str; 24]);
+
+macro_rules! names {
+    ($map:literal) => {
+        Names([
+            concat!("mean ", $map),
+            concat!("spread of ", $map),
+            concat!("skew of ", $map),
+            concat!("upper tail of ", $map),
+            concat!("lower tail of ", $map),
+            concat!("pixels far above, ", $map),
+            concat!("pixels far below, ", $map),
+            concat!("column means, ", $map),
+            concat!("row means, ", $map),
+            concat!("largest column mean, ", $map),
+            concat!("largest row mean, ", $map),
+            concat!("neighbours beside alike, ", $map),
+            concat!("neighbours below alike, ", $map),
+            concat!("neighbours on a diagonal alike, ", $map),
+            concat!("neighbours on the other diagonal alike, ", $map),
+            concat!("pixels four apart alike, ", $map),
+            concat!("centre to corner, ", $map),
+            concat!("left to right, ", $map),
+            concat!("top to bottom, ", $map),
+            concat!("first column, ", $map),
+            concat!("last column, ", $map),
+            concat!("first row, ", $map),
+            concat!("last row, ", $map),
+            concat!("line in the map's spectrum, ", $map),
+        ])
+    };
+}
+
+const GAIN: Names = names!("gain");
+const DARK: Names = names!("dark current");
+
+pub(super) fn of_lines(v: &mut Vector, lines: &Lines, width: usize) {
+    let gain = map(v, &GAIN, &lines.gain, width);
+    let dark = map(v, &DARK, &lines.dark, width);
+    let n = gain.len() as f64;
+    let both = gain.iter().zip(&dark).map(|(a, b)| a * b).sum::<f64>() / n;
+    v.push(None, "gain and dark current together", both, 1e-3);
+}
+
+/// Deviations from the median in robust standard deviations, cut at five.
+fn standard(map: &[f64], spread: &Spread) -> Vec<f64> {
+    let (centre, scale) = (spread.median(), spread.sd());
+    map.iter().map(|x| ((x - centre) / scale).clamp(-5.0, 5.0)).collect()
+}
+
+fn map(v: &mut Vector, names: &Names, map: &[f64], width: usize) -> Vec<f64> {
+    let spread = Spread::of(map);
+    let z = standard(map, &spread);
+    let n = map.len() as f64;
+    let height = map.len() / width;
+    let far = |sign: f64| {
+        let beyond = |x: &&f64| sign * (*x - spread.median()) > 5.0 * spread.sd();
+        map.iter().filter(beyond).count() as f64
+    };
+    let mut values = vec![
+        (ln(spread.median()), 1e-4),
+        (ln(spread.sd() / spread.median().abs().max(1e-9)), 2e-3),
+        (spread.skew(), 2e-3),
+        (ln(spread.upper_tail()), 4e-3),
+        (ln(spread.lower_tail()), 4e-3),
+        (1e4 * far(1.0) / n, 1.5e4 / n),
+        (1e4 * far(-1.0) / n, 1.5e4 / n),
+    ];
+    let columns: Vec<f64> =
+        (0..width).map(|c| z.iter().skip(c).step_by(width).sum::<f64>() / height as f64).collect();
+    let rows: Vec<f64> = z.chunks_exact(width).map(|r| r.iter().sum::<f64>() / width as f64).collect();
+    let variance = |lines: &[f64]| {
+        // The border has statistics of its own.
+        let inner = &lines[1..lines.len() - 1];
+        let mean = inner.iter().sum::<f64>() / inner.len() as f64;
+        inner.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / inner.len() as f64
+    };
+    let largest = |lines: &[f64]| lines[1..lines.len() - 1].iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let total = z.iter().map(|x| x * x).sum::<f64>() / n;
+    values.extend([
+        (ln(variance(&columns) * height as f64), 5e-3),
+        (ln(variance(&rows) * width as f64), 5e-3),
+        (ln(largest(&columns) * (height as f64).sqrt()), 5e-3),
+        (ln(largest(&rows) * (width as f64).sqrt()), 5e-3),
+    ]);
+    for (down, right) in [(0, 1), (1, 0), (1, 1), (1, -1), (0, 4)] {
+        values.push((product(&z, width, down, right) / total, 1e-3));
+    }
+    let at = |p: usize| {
+        let (y, x) =
+            ((p / width) as f64 / (height - 1) as f64 - 0.5, (p % width) as f64 / (width - 1) as f64 - 0.5);
+        [2.0 * (x * x + y * y) - 1.0 / 3.0, x, y]
+    };
+    for i in 0..3 {
+        let (sum, square) =
+            (0..map.len()).fold((0.0, 0.0), |(s, q), p| (s + z[p] * at(p)[i], q + at(p)[i].powi(2)));
+        values.push((sum / square, 2e-3));
+    }
+    values.extend([columns[0], columns[width - 1], rows[0], rows[height - 1]].map(|line| (line, 2e-3)));
+    values.push((ln(peak(&z, width)), 1e-2));
+    for (name, (value, floor)) in names.0.iter().zip(values) {
+        v.push(None, name, value, floor);
+    }
+    z
+}
+
+/// Mean product of pixels a step apart.
+fn product(z: &[f64], width: usize, down: usize, right: isize) -> f64 {
+    let height = z.len() / width;
+    let (mut sum, mut count) = (0.0, 0.0);
+    for row in 0..height.saturating_sub(down) {
+        for col in 0..width {
+            let other = col as isize + right;
+            if (0..width as isize).contains(&other) {
+                sum += z[row * width + col] * z[(row + down) * width + other as usize];
+                count += 1.0;
+            }
+        }
+    }
+    sum / f64::max(count, 1.0)
+}
+
+/// Highest power of the map's spectrum away from the axes (lines of the sensor) and from the
+/// longest waves (uneven light), over the mean.
+fn peak(z: &[f64], width: usize) -> f64 {
+    let height = z.len() / width;
+    let mut planner = RealFftPlanner::<f64>::new();
+    let (along, down) = (planner.plan_fft_forward(width), planner.plan_fft_forward(height));
+    let half = width / 2 + 1;
+    let mut parts = [vec![0.0; half * height], vec![0.0; half * height]];
+    for (row, line) in z.chunks_exact(width).enumerate() {
+        let mut output = along.make_output_vec();
+        if along.process(&mut line.to_vec(), &mut output).is_err() {
+            return 1.0;
+        }
+        for (col, value) in output.iter().enumerate() {
+            parts[0][col * height + row] = value.re;
+            parts[1][col * height + row] = value.im;
+        }
+    }
+    let (mut highest, mut sum, mut count) = (0.0_f64, 0.0, 0.0);
+    for col in 2..half {
+        let [mut re, mut im] = [0, 1].map(|i| parts[i][col * height..(col + 1) * height].to_vec());
+        let (mut a, mut b) = (down.make_output_vec(), down.make_output_vec());
+        if down.process(&mut re, &mut a).is_err() || down.process(&mut im, &mut b).is_err() {
+            return 1.0;
+        }
+        for row in 2..a.len() {
+            // F(re) + i F(im) at the frequency, and at its negative.
+            for sign in [1.0, -1.0] {
+                let power = (a[row].re - sign * b[row].im).powi(2) + (sign * a[row].im + b[row].re).powi(2);
+                highest = highest.max(power);
+                sum += power;
+                count += 1.0;
+            }
+        }
+    }
+    highest * count / f64::max(sum, 1e-12)
+}
+
+/// Slope of `values` over the deviations of `map` from its median, both without outliers.
+pub(super) fn slope(map: &[f64], values: &[f64]) -> f64 {
+    let spread = Spread::of(map);
+    let z = standard(map, &spread);
+    let other = Spread::of(values);
+    let (mut xy, mut xx) = (0.0, 0.0);
+    for (x, y) in z.iter().zip(values).filter(|(_, y)| y.is_finite()) {
+        let y = (y - other.median()).clamp(-5.0 * other.sd(), 5.0 * other.sd());
+        xy += x * y;
+        xx += x * x;
+    }
+    if xx > 0.0 { xy / xx * spread.sd() / spread.median().abs().max(1e-9) } else { 0.0 }
+}

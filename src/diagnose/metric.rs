@@ -1,0 +1,149 @@
+//! How far two vectors of statistics are apart, with what calibration fits projected out.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+use crate::error::{Error, Kind, Result};
+
+/// Correlations below this many standard errors count as none: with a few hundred simulations most
+/// entries of a covariance are noise.
+const SIGNIFICANT: f64 = 3.2;
+
+/// A covariance and its factor.
+#[derive(Clone, Debug)]
+pub(super) struct Noise {
+    pub covariance: DMatrix<f64>,
+    factor: Cholesky<f64, Dyn>,
+}
+
+/// The covariance of `residuals` (one row a simulation): correlations that are not significant set to zero,
+/// the rest shrunk until the matrix is well conditioned; `floors` are added in quadrature.
+pub(super) fn noise(residuals: &[DVector<f64>], floors: &[f64]) -> Result<Noise> {
+    let n = residuals.len() as f64;
+    let d = floors.len();
+    let mut sum = DMatrix::zeros(d, residuals.len());
+    for (i, r) in residuals.iter().enumerate() {
+        sum.set_column(i, r);
+    }
+    let mut covariance = &sum * sum.transpose() / n;
+    let sd: Vec<f64> = (0..d).map(|i| covariance[(i, i)].max(1e-30).sqrt()).collect();
+    let limit = SIGNIFICANT / n.sqrt();
+    for i in 0..d {
+        for j in 0..d {
+            let r = covariance[(i, j)] / (sd[i] * sd[j]);
+            if i != j && r.abs() < limit {
+                covariance[(i, j)] = 0.0;
+            }
+        }
+    }
+    for i in 0..d {
+        covariance[(i, i)] += floors[i] * floors[i];
+    }
+    for kept in [0.97, 0.9, 0.8, 0.7, 0.6, 0.5, 0.35, 0.2, 0.0] {
+        let mut shrunk = covariance.clone() * kept;
+        for i in 0..d {
+            shrunk[(i, i)] = covariance[(i, i)];
+        }
+        let well = |f: &Cholesky<f64, Dyn>| {
+            let l = f.l_dirty();
+            // No statistic may be nearly a function of the others.
+            (0..d).all(|i| l[(i, i)].powi(2) > 0.05 * covariance[(i, i)])
+        };
+        if let Some(factor) = Cholesky::new(shrunk.clone()).filter(well) {
+            return Ok(Noise { covariance: shrunk, factor });
+        }
+    }
+    Err(Error::new(Kind::Config, "covariance of the statistics")
+        .found("not positive")
+        .expected("positive variances"))
+}
+
+impl Noise {
+    /// With lamps of uncertain brightness: `columns` are changes per standard deviation of a lamp.
+    pub fn with_columns(&self, columns: &DMatrix<f64>) -> Result<Self> {
+        let covariance = &self.covariance + columns * columns.transpose();
+        match Cholesky::new(covariance.clone()) {
+            Some(factor) => Ok(Self { covariance, factor }),
+            None => Err(Error::new(Kind::Config, "covariance of the statistics").found("not positive")),
+        }
+    }
+
+    /// With every deviation multiplied by a factor of its own.
+    pub fn scaled(&self, factors: &[f64]) -> Result<Self> {
+        let scale = |i: usize, j: usize| self.covariance[(i, j)] * factors[i] * factors[j];
+        let covariance = DMatrix::from_fn(factors.len(), factors.len(), scale);
+        match Cholesky::new(covariance.clone()) {
+            Some(factor) => Ok(Self { covariance, factor }),
+            None => Err(Error::new(Kind::Config, "covariance of the statistics").found("not positive")),
+        }
+    }
+
+    pub fn solve(&self, right: &DMatrix<f64>) -> DMatrix<f64> {
+        self.factor.solve(right)
+    }
+
+    pub fn solve_vector(&self, right: &DVector<f64>) -> DVector<f64> {
+        self.factor.solve(right)
+    }
+}
+
+/// A noise with directions that cost nothing.
+#[derive(Clone, Debug)]
+pub(super) struct Metric {
+    noise: Noise,
+    directions: DMatrix<f64>,
+    weighted: DMatrix<f64>,
+    information: DMatrix<f64>,
+}
+
+impl Metric {
+    /// `directions`: one column for every fitted number.
+    pub fn new(noise: &Noise, directions: DMatrix<f64>) -> Self {
+        let weighted = noise.solve(&directions);
+        let mut information = directions.transpose() * &weighted;
+        for i in 0..information.nrows() {
+            // Directions that nothing tells apart must not make the fit run away.
+            information[(i, i)] *= 1.0 + 1e-6;
+            information[(i, i)] += 1e-9;
+        }
+        Self { noise: noise.clone(), directions, weighted, information }
+    }
+
+    /// Best positions along the directions, and their covariance.
+    pub fn fit(&self, off: &DVector<f64>) -> DVector<f64> {
+        let right = self.weighted.transpose() * off;
+        self.information.clone().lu().solve(&right).unwrap_or_else(|| DVector::zeros(right.len()))
+    }
+
+    pub fn covariance(&self) -> DMatrix<f64> {
+        let n = self.information.nrows();
+        self.information.clone().try_inverse().unwrap_or_else(|| DMatrix::identity(n, n) * 1e6)
+    }
+
+    /// What is left after the best fit.
+    pub fn rest(&self, off: &DVector<f64>) -> DVector<f64> {
+        off - &self.directions * self.fit(off)
+    }
+
+    /// `off` in the metric: its product with a vector is their inner product.
+    pub fn dual(&self, off: &DVector<f64>) -> DVector<f64> {
+        self.noise.solve_vector(&self.rest(off))
+    }
+
+    /// The squared length.
+    pub fn square(&self, off: &DVector<f64>) -> f64 {
+        off.dot(&self.dual(off)).max(0.0)
+    }
+
+    /// Deviations in their own standard deviations, calibration projected out.
+    pub fn scores(&self, off: &DVector<f64>) -> Vec<f64> {
+        let rest = self.rest(off);
+        let lost = &self.directions * self.covariance() * self.directions.transpose();
+        (0..rest.len())
+            .map(|i| {
+                let own = self.noise.covariance[(i, i)];
+                // A statistic that the fit uses up says nothing.
+                rest[i] / (own - lost[(i, i)]).max(0.02 * own).sqrt()
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,50 @@
+//! Finding, naming and adding what the model of a camera lacks.
+//!
+//! [`diagnose`] measures a recording set (bits to one vector of [`Statistic`]s), simulates many sensors of
+//! the calibrated model under the same protocol ([`Reference`]), and where the set is beyond what those
+//! show, tries every effect of the catalogue: by its simulated signature first, then fitted in a
+//! tournament. A name is kept only where recordings that were not fitted come nearer too.
+//!
+//! Maps are not fitted pixel by pixel: statistics of simulated *populations* are compared, so that
+//! no map can swallow a spatial effect, and one simulation serves temporal and spatial statistics alike.
+
+mod bits;
+mod candidates;
+mod edges;
+mod fit;
+mod lines;
+mod maps;
+mod metric;
+mod model;
+mod nameable;
+mod outcome;
+mod page;
+mod reference;
+mod run;
+mod scan;
+mod search;
+mod setup;
+mod spread;
+mod still;
+mod time;
+mod vector;
+
+pub use nameable::{Nameable, SCORE};
+pub use outcome::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
+pub use page::page;
+pub use reference::{Limits, Progress, Reference};
+pub use run::{Options, diagnose};
+pub use setup::{Part, Scene, Setup};
+pub use still::Still;
+pub use vector::Statistic;
+
+use crate::effects::Camera;
+use crate::error::Result;
+
+/// The published model at the size and rate of a set: what a diagnosis starts from.
+///
+/// # Errors
+/// Never, in practice: the model is built in.
+pub fn published(setup: &Setup) -> Result<Camera> {
+    model::published(setup)
+}

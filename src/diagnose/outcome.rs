@@ -1,0 +1,276 @@
+//! What a diagnosis says.
+
+use serde::Serialize;
+
+use super::candidates::MISFITS;
+use super::model::Knob;
+use super::reference::Reference;
+use super::search::{Found, Round};
+use crate::effects::Camera;
+use crate::error::Result;
+
+/// Normal quantile of 95 % intervals.
+const INTERVAL: f64 = 1.96;
+
+/// Relative deviation below which a known number is not worth a word.
+const WORTH: f64 = 0.02;
+
+/// The verdict.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Nothing is above its limit.
+    Agrees,
+    /// Effects or misfits are named, and nothing is left.
+    Explained,
+    /// Something is named, and something is left.
+    PartlyExplained,
+    /// Nothing that is named explains what is left.
+    Unknown,
+}
+
+/// A number with its 95 % interval.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Parameter {
+    /// Key.
+    pub name: &'static str,
+    /// In the parameter's unit.
+    pub value: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// An effect that was found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FoundEffect {
+    /// Canonical name.
+    pub name: &'static str,
+    /// Fitted numbers.
+    pub parameters: Vec<Parameter>,
+    /// Names that fit as well within noise.
+    pub tied_with: Vec<&'static str>,
+    /// Whether the name explains less than half of what is there, and so is a likeness only.
+    pub resembles: bool,
+    /// What speaks for it.
+    pub evidence: String,
+}
+
+/// A number of the model that the data contradict.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Misfit {
+    /// `effect.key`.
+    pub parameter: String,
+    /// The model's value.
+    pub model: f64,
+    /// The data's.
+    pub fitted: f64,
+    /// Lower end of its 95 % interval.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+    /// Names that fit as well within noise.
+    pub tied_with: Vec<&'static str>,
+}
+
+/// Something that nothing explains.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Unknown {
+    /// Recording and statistic.
+    pub r#where: String,
+    /// Standard deviations.
+    pub z: f64,
+}
+
+/// Distance of model and data after each step.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Gap {
+    /// On the fitted recordings; the first without any added effect.
+    pub train: Vec<f64>,
+    /// On the others.
+    pub heldout: Vec<f64>,
+    /// What the final model's own sensors have.
+    pub floor: f64,
+    /// Standard deviation of the floor.
+    pub floor_sd: f64,
+}
+
+/// Everything that is said.
+#[derive(Clone, Debug, Serialize)]
+pub struct Diagnosis {
+    /// In one word.
+    pub verdict: Verdict,
+    /// Effects that were added.
+    pub effects: Vec<FoundEffect>,
+    /// Numbers that were wrong.
+    pub misfits: Vec<Misfit>,
+    /// What is left.
+    pub unknown: Vec<Unknown>,
+    /// Distances.
+    pub gap: Gap,
+    /// Names that this set cannot show.
+    pub not_testable: Vec<&'static str>,
+    /// Seconds that it took.
+    pub seconds: f64,
+    /// Where the held-out data come from, and other remarks.
+    pub notes: Vec<String>,
+    /// The camera with the effects added.
+    #[serde(skip)]
+    pub camera: Camera,
+    /// Plots' numbers.
+    #[serde(skip)]
+    pub traces: Traces,
+}
+
+/// What the report shows.
+#[derive(Clone, Debug)]
+pub struct Traces {
+    /// Statistic, recording, deviation before and after, in standard deviations.
+    pub deviations: Vec<(String, String, f64, f64)>,
+    /// Names with their misfit and whether they tied, by round.
+    pub tournament: Vec<Vec<(&'static str, f64, bool)>>,
+}
+
+pub(super) fn outcome(
+    reference: &Reference,
+    found: &mut Found,
+    data: &nalgebra::DVector<f64>,
+    with_camera: bool,
+) -> Result<Diagnosis> {
+    let off = data - &found.own.mean;
+    let moved = found.own.metric.fit(&off);
+    for j in 0..found.fit.u.len() {
+        let knob = found.fit.model.knobs[j];
+        // The last, small step that the linear fit still asks for.
+        found.fit.u[j] = knob.clamped(found.fit.u[j] + moved[j].clamp(-0.2, 0.2));
+    }
+    let covariance = found.own.metric.covariance();
+    let interval = |j: usize| {
+        let (knob, u, sd) = (found.fit.model.knobs[j], found.fit.u[j], covariance[(j, j)].sqrt());
+        parameter(knob, u, INTERVAL * sd)
+    };
+    let total = found.train[0] - found.own.floor;
+    let (mut effects, mut misfits) = (Vec::new(), Vec::new());
+    for (i, (name, _)) in found.fit.effects.iter().enumerate() {
+        let round = found.rounds.iter().find(|r| r.accepted && r.winner == *name);
+        let parameters: Vec<Parameter> = found.fit.knobs_of(i).map(interval).collect();
+        let tied_with = ties(round);
+        if let (true, Some(p)) = (MISFITS.contains(name), parameters.first()) {
+            let knob = found.fit.model.knobs[found.fit.knobs_of(i).start];
+            misfits.push(Misfit {
+                parameter: format!("{name}.{}", p.name),
+                model: knob.value(0.0),
+                fitted: p.value,
+                low: p.low,
+                high: p.high,
+                tied_with,
+            });
+            continue;
+        }
+        let share = round.map_or(0.0, |r| r.share);
+        let after = found.train.get(i + 1).copied().unwrap_or(0.0);
+        let evidence = format!(
+            "the misfit falls from {:.0} to {after:.0} ({:.0} held out: {:.0})",
+            found.train.get(i).copied().unwrap_or(0.0),
+            found.heldout.get(i).copied().unwrap_or(0.0),
+            found.heldout.get(i + 1).copied().unwrap_or(0.0),
+        );
+        let whole = (found.train[0] - found.train.last().copied().unwrap_or(0.0)) / total.max(1.0);
+        let resembles = found.left && share.min(whole) < 0.5;
+        effects.push(FoundEffect { name, parameters, tied_with, resembles, evidence });
+    }
+    if with_camera {
+        misfits.extend(base_misfits(reference, found, &covariance));
+    }
+    let named = !misfits.is_empty() || effects.iter().any(|e| !e.resembles);
+    let verdict = match (found.left, named) {
+        (false, true) => Verdict::Explained,
+        (false, false) => Verdict::Agrees,
+        (true, true) => Verdict::PartlyExplained,
+        (true, false) => Verdict::Unknown,
+    };
+    let sample = found.fit.model.sample(&found.fit.u, &[], reference.setup.scenes.len())?;
+    let mut camera = sample.camera;
+    camera.name = "diagnosed".to_owned();
+    camera.source = "found by diagnose; see diagnosis.json and report.html".to_owned();
+    Ok(Diagnosis {
+        verdict,
+        effects,
+        misfits,
+        unknown: if found.left { unknown(reference, found, data) } else { Vec::new() },
+        gap: Gap {
+            train: found.train.clone(),
+            heldout: found.heldout.clone(),
+            floor: found.own.floor,
+            floor_sd: found.own.floor_sd,
+        },
+        not_testable: reference.not_testable(),
+        seconds: 0.0,
+        notes: Vec::new(),
+        camera,
+        traces: traces(reference, found, data),
+    })
+}
+
+fn parameter(knob: Knob, u: f64, reach: f64) -> Parameter {
+    let ends = [knob.value(knob.clamped(u - reach)), knob.value(knob.clamped(u + reach))];
+    Parameter { name: knob.key, value: knob.value(u), low: ends[0].min(ends[1]), high: ends[0].max(ends[1]) }
+}
+
+fn ties(round: Option<&Round>) -> Vec<&'static str> {
+    let others = round.iter().flat_map(|r| r.entrants.iter().filter(|e| e.tied && e.name != r.winner));
+    others.map(|e| e.name).take(2).collect()
+}
+
+/// Numbers of the given camera that the fit moved.
+fn base_misfits(reference: &Reference, found: &Found, covariance: &nalgebra::DMatrix<f64>) -> Vec<Misfit> {
+    let of_knob = |j: usize| {
+        let (knob, u, sd) = (found.fit.model.knobs[j], found.fit.u[j], covariance[(j, j)].sqrt());
+        let p = parameter(knob, u, INTERVAL * sd);
+        (u.abs() > 3.5 * sd && u.abs() > WORTH).then(|| Misfit {
+            parameter: format!("{}.{}", knob.effect, knob.key),
+            model: knob.value(0.0),
+            fitted: p.value,
+            low: p.low,
+            high: p.high,
+            tied_with: Vec::new(),
+        })
+    };
+    (0..reference.model.knobs.len()).filter_map(of_knob).collect()
+}
+
+impl Reference {
+    /// A statistic in words.
+    pub(super) fn words(&self, i: usize) -> (String, String) {
+        let s = &self.statistics[i];
+        let place =
+            s.recording.map_or_else(|| "fitted maps".to_owned(), |k| self.setup.scenes[k].name.clone());
+        (s.name.to_owned(), place)
+    }
+}
+
+fn unknown(reference: &Reference, found: &Found, data: &nalgebra::DVector<f64>) -> Vec<Unknown> {
+    let scores = found.own.metric.scores(&(data - &found.own.mean));
+    let mut order: Vec<usize> = (0..scores.len()).collect();
+    order.sort_by(|a, b| scores[*b].abs().total_cmp(&scores[*a].abs()));
+    let entry = |i: usize| {
+        let (name, place) = reference.words(i);
+        Unknown { r#where: format!("{place}: {name}"), z: scores[i] }
+    };
+    order.into_iter().take(6).map(entry).collect()
+}
+
+fn traces(reference: &Reference, found: &Found, data: &nalgebra::DVector<f64>) -> Traces {
+    let before = reference.metric.scores(&(data - &reference.mean));
+    let after = found.own.metric.scores(&(data - &found.own.mean));
+    let row = |i: usize| {
+        let (name, place) = reference.words(i);
+        (name, place, before[i], after[i])
+    };
+    let entrants = |r: &Round| r.entrants.iter().map(|e| (e.name, e.misfit, e.tied)).collect();
+    Traces {
+        deviations: (0..before.len()).map(row).collect(),
+        tournament: found.rounds.iter().map(entrants).collect(),
+    }
+}

@@ -1,0 +1,238 @@
+//! What a set holds, free of files; reading it, and simulating it.
+
+use rayon::prelude::*;
+
+use super::scan::{Scan, scan};
+use super::still::{self, Still};
+use super::vector::{Statistic, Vector, vector};
+use crate::calibrate::{Light, RecordingSet, Scene as Pattern};
+use crate::draws::Seeds;
+use crate::effects::Camera;
+use crate::error::{Error, Kind, Result};
+use crate::plan::Plan;
+use crate::simulate::{FrameRef, Simulator};
+use crate::spikes::{Geometry, Packed};
+
+/// Rates up to this have all intervals looked at.
+const DIM: f64 = 0.25;
+
+/// Fewest readouts of a recording that can be judged.
+const FEWEST: usize = 256;
+
+/// One recording: what stood in front of the camera, and when.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// Its file.
+    pub name: String,
+    /// The light.
+    pub light: Light,
+    /// Readouts.
+    pub readouts: usize,
+    /// Readouts of the same recording that came before.
+    pub skip: usize,
+    /// What is known of an unknown scene.
+    pub still: Option<Still>,
+}
+
+impl Scene {
+    /// The uniform level, if it is one.
+    #[must_use]
+    pub fn level(&self) -> Option<f64> {
+        self.light.level()
+    }
+
+    /// Whether the light stays the same over time.
+    #[must_use]
+    pub fn constant(&self) -> bool {
+        !matches!(self.light, Light::Scene(Pattern::Square { .. }))
+    }
+
+    /// Mean light.
+    #[must_use]
+    pub fn brightness(&self) -> f64 {
+        match self.light {
+            Light::Level(level) => level,
+            Light::Scene(Pattern::Square { high, low, .. } | Pattern::Checkerboard { high, low, .. }) => {
+                0.5 * (high + low)
+            }
+            Light::Scene(Pattern::StaticUnknown {}) => self.still.as_ref().map_or(0.0, |s| s.mean),
+        }
+    }
+
+    /// The brightest light.
+    fn greatest(&self) -> f64 {
+        match self.light {
+            Light::Scene(Pattern::Square { high, low, .. } | Pattern::Checkerboard { high, low, .. }) => {
+                high.max(low)
+            }
+            _ => self.still.as_ref().map_or(self.brightness(), |s| s.brightest),
+        }
+    }
+
+    /// Whether the halves of rows are compared: where spikes are many and the light rests.
+    pub(super) fn rows(&self) -> bool {
+        self.constant() && self.still.is_none() && self.brightness() >= 0.09
+    }
+
+    pub(super) fn dim(&self) -> bool {
+        self.constant() && self.brightness() < DIM
+    }
+}
+
+/// All recordings of a set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// Width and height.
+    pub geometry: Geometry,
+    /// Readouts per second.
+    pub readout_hz: f64,
+    /// The recordings.
+    pub scenes: Vec<Scene>,
+    /// Whether rate maps stand in place of recordings.
+    pub maps: bool,
+}
+
+/// A camera and how far each scene's light is off: factors near one.
+#[derive(Clone, Debug)]
+pub(super) struct Sample {
+    pub camera: Camera,
+    pub lamps: Vec<f64>,
+}
+
+/// A measured set: its vector of statistics and the scans that it comes from.
+#[derive(Clone, Debug)]
+pub(super) struct Measured {
+    pub scans: Vec<Scan>,
+    pub values: Vec<f64>,
+}
+
+/// Which part of the recordings is looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Everything.
+    Whole,
+    /// The readouts up to the middle.
+    First,
+    /// The readouts from the middle on.
+    Second,
+}
+
+impl Setup {
+    /// What `set` holds, or a part of it; cuts lie on whole periods of a square wave.
+    ///
+    /// # Errors
+    /// When a file cannot be read, or a recording is too short to judge.
+    pub fn of(set: &RecordingSet, part: Part) -> Result<Self> {
+        let geometry = set.geometry()?;
+        let mut scenes = Vec::new();
+        for recording in &set.recordings {
+            let reader = set.reader(recording)?;
+            let (skip, readouts) = cut(reader.readouts(), recording.light, part);
+            if readouts < FEWEST {
+                return Err(Error::new(Kind::Input, &recording.file)
+                    .found(format_args!("{readouts} readouts"))
+                    .expected(format_args!("{FEWEST} or more in each part of a recording"))
+                    .remedy(
+                        "record longer, or give a second set with --holdout so that this one is not split",
+                    ));
+            }
+            let still = match recording.light {
+                Light::Scene(Pattern::StaticUnknown {}) => Some(Still::of(&reader)?),
+                _ => None,
+            };
+            let name = recording.file.clone();
+            scenes.push(Scene { name, light: recording.light, readouts, skip, still });
+        }
+        let maps = scenes.is_empty() && set.rate_maps.len() >= 2;
+        Ok(Self { geometry, readout_hz: set.readout_hz, scenes, maps })
+    }
+
+    /// Reads and measures the recordings.
+    pub(super) fn measure(&self, set: &RecordingSet) -> Result<Measured> {
+        if self.maps {
+            let values = still::measured_maps(self, set)?;
+            return Ok(Measured { scans: Vec::new(), values });
+        }
+        let mut scans = Vec::new();
+        for (scene, recording) in self.scenes.iter().zip(&set.recordings) {
+            let reader = set.reader(recording)?;
+            let mut bytes = vec![0; scene.readouts * self.geometry.frame_bytes()];
+            reader.read_frames(scene.skip, &mut bytes)?;
+            let mut found = scan(Packed::new(self.geometry, &bytes)?, scene.dim(), scene.rows());
+            if let Some(still) = &scene.still {
+                still.keep(&mut found);
+            }
+            scans.push(found);
+        }
+        let values = vector(self, &scans).values;
+        Ok(Measured { scans, values })
+    }
+
+    /// The entries of the vector.
+    pub(super) fn statistics(&self, sample: &Sample, seed: u64) -> Result<Vec<Statistic>> {
+        Ok(self.vector(sample, seed)?.statistics)
+    }
+
+    fn vector(&self, sample: &Sample, seed: u64) -> Result<Vector> {
+        if self.maps {
+            return still::simulated_maps(self, sample, seed);
+        }
+        Ok(vector(self, &self.simulate(sample, seed)?))
+    }
+
+    /// Scans of the set as `sample` would give it.
+    pub(super) fn simulate(&self, sample: &Sample, seed: u64) -> Result<Vec<Scan>> {
+        (0..self.scenes.len()).into_par_iter().map(|k| self.scene(sample, k, seed)).collect()
+    }
+
+    pub(super) fn values(&self, sample: &Sample, seed: u64) -> Result<Vec<f64>> {
+        Ok(self.vector(sample, seed)?.values)
+    }
+
+    /// One recording of the simulated set.
+    pub(super) fn scene(&self, sample: &Sample, k: usize, seed: u64) -> Result<Scan> {
+        let scene = &self.scenes[k];
+        let lamp = sample.lamps[k];
+        let seeds = Seeds { camera: seed, shot: seed ^ 0x5EED, sequence: k as u64 };
+        let mut camera = sample.camera.clone();
+        camera.sensor.geometry = self.geometry;
+        camera.sensor.readout_hz = self.readout_hz;
+        if let Some(still) = &scene.still {
+            return still.simulate(camera, seeds, scene);
+        }
+        let plan = Plan::with_light(&camera, seeds, (scene.greatest() * lamp).max(0.01))?;
+        let mut simulator = Simulator::of_plan(plan);
+        let (bytes, width) = (self.geometry.frame_bytes(), self.geometry.width());
+        let total = scene.skip + scene.readouts;
+        let mut out = vec![0; total * bytes];
+        let hold = match scene.light {
+            Light::Scene(Pattern::Square { half_period, .. }) => half_period as usize,
+            _ => total,
+        };
+        let mut at = 0;
+        while at < total {
+            let now = hold.min(total - at);
+            let level = |p: usize| scene.light.at(p / width, p % width, at as u64).unwrap_or(0.0);
+            let samples: Vec<f32> = (0..self.geometry.pixels()).map(|p| (lamp * level(p)) as f32).collect();
+            simulator
+                .push(FrameRef::f32(&samples, self.geometry), &mut out[at * bytes..(at + now) * bytes])?;
+            at += now;
+        }
+        Ok(scan(Packed::new(self.geometry, &out[scene.skip * bytes..])?, scene.dim(), scene.rows()))
+    }
+}
+
+fn cut(readouts: usize, light: Light, part: Part) -> (usize, usize) {
+    let middle = match light {
+        Light::Scene(Pattern::Square { half_period, .. }) => {
+            let period = 2 * half_period as usize;
+            readouts / 2 / period * period
+        }
+        _ => readouts / 2,
+    };
+    match part {
+        Part::Whole => (0, readouts),
+        Part::First => (0, middle),
+        Part::Second => (middle, readouts - middle),
+    }
+}

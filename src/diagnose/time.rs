@@ -1,0 +1,129 @@
+//! Statistics of whole readouts.
+
+use realfft::RealFftPlanner;
+
+use super::scan::Scan;
+use super::setup::Scene;
+use super::vector::{Vector, ln};
+
+/// Highest frequency at which lines are looked for, in cycles per readout: bright pixels' own
+/// rates lie above.
+const HIGHEST_LINE: f64 = 0.13;
+
+/// Light from which on pixels' own rates stay above [`HIGHEST_LINE`].
+const LINES_FROM: f64 = 0.2;
+
+pub(super) fn frames(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
+    let n = scan.pixels.len() as f64;
+    let t = scan.totals.len();
+    let mean = |range: std::ops::Range<usize>| {
+        let part = &scan.totals[range];
+        part.iter().map(|c| f64::from(*c)).sum::<f64>() / part.len().max(1) as f64
+    };
+    if scene.constant() {
+        let rest = mean(t / 16..t);
+        v.push(k, "first readouts over the rest", ln(mean(0..t / 64)) - ln(rest), 1e-4);
+        v.push(k, "start over the rest", ln(mean(t / 64..t / 16)) - ln(rest), 1e-4);
+        spectrum(v, k, scan, scene.brightness());
+    }
+    let even: f64 = scan.totals.iter().step_by(2).map(|c| f64::from(*c)).sum();
+    let odd: f64 = scan.totals.iter().skip(1).step_by(2).map(|c| f64::from(*c)).sum();
+    v.push(k, "even readouts over odd", ln(even) - ln(odd), 1e-4);
+    if scene.rows() {
+        v.push(k, "halves of a row together", scan.row_halves, 5e-5);
+    }
+    const NAMES: [&str; 4] = [
+        "neighbours beside, same readout",
+        "neighbours below, same readout",
+        "neighbours beside, next readout",
+        "neighbours below, next readout",
+    ];
+    for (name, value) in NAMES.into_iter().zip(scan.neighbours) {
+        v.push(k, name, value, 5e-5);
+    }
+    let mean_changes =
+        scan.changes.iter().map(|c| f64::from(*c)).sum::<f64>() / scan.changes.len().max(1) as f64;
+    let equal = scan.changes.iter().filter(|c| f64::from(**c) < 0.4 * mean_changes).count() as f64;
+    // With few spikes a readout resembles the one before by chance.
+    v.rare(
+        k,
+        "readouts equal to the one before",
+        if mean_changes > 0.002 * n { equal } else { 0.0 },
+        t as f64,
+    );
+    if scene.dim() && scene.brightness() > 0.0 {
+        jumps(v, k, scan);
+    }
+}
+
+/// Intervals of all pixels that cross a lost readout are short by one.
+fn jumps(v: &mut Vector, k: usize, scan: &Scan) {
+    let spikes: f64 = scan.deviations.iter().map(|d| d[1]).sum();
+    let window = (scan.pixels.len() as f64 * scan.deviations.len() as f64 / spikes.max(1.0)).round() as usize;
+    let window = window.clamp(1, scan.deviations.len() / 4 + 1);
+    let mut sum = [0.0; 2];
+    let (mut below, mut above) = (0.0, 0.0);
+    let skip = 2 * window;
+    for t in 0..scan.deviations.len() {
+        sum = [sum[0] + scan.deviations[t][0], sum[1] + scan.deviations[t][1]];
+        if t >= window {
+            sum = [sum[0] - scan.deviations[t - window][0], sum[1] - scan.deviations[t - window][1]];
+        }
+        if t < skip || sum[1] < 1.0 {
+            continue;
+        }
+        let mean = sum[0] / sum[1];
+        below += f64::from(u8::from(mean < -0.5)) / window as f64;
+        above += f64::from(u8::from(mean > 0.5)) / window as f64;
+    }
+    let t = scan.deviations.len() as f64;
+    v.rare(k, "moments with short intervals", below, t);
+    v.rare(k, "moments with long intervals", above, t);
+}
+
+/// Power of the readouts' totals over that of independent pixels, and lines in it.
+pub(super) fn power(totals: &[u32]) -> Vec<f64> {
+    let n = totals.len();
+    let mean = totals.iter().map(|c| f64::from(*c)).sum::<f64>() / n.max(1) as f64;
+    let mut input: Vec<f64> = totals.iter().map(|c| f64::from(*c) - mean).collect();
+    let fft = RealFftPlanner::<f64>::new().plan_fft_forward(n);
+    let mut output = fft.make_output_vec();
+    if n < 2 || fft.process(&mut input, &mut output).is_err() {
+        return Vec::new();
+    }
+    output.iter().map(|c| c.norm_sqr() / (n as f64 * mean.max(1e-9))).collect()
+}
+
+fn spectrum(v: &mut Vector, k: usize, scan: &Scan, light: f64) {
+    let power = power(&scan.totals);
+    let t = scan.totals.len();
+    let mean = |from: usize, to: usize| {
+        let part = &power[from.min(power.len())..to.min(power.len())];
+        part.iter().sum::<f64>() / part.len().max(1) as f64
+    };
+    v.push(k, "slow power of the total", ln(mean(1, 6)), 1e-3);
+    v.push(k, "low power of the total", ln(mean(6, t / 100)), 1e-3);
+    v.push(k, "middle power of the total", ln(mean(t / 100, t / 10)), 1e-3);
+    v.push(k, "high power of the total", ln(mean(t / 10, t / 2)), 1e-3);
+    if light >= LINES_FROM {
+        v.push(k, "line in the total", ln(line(&power, t).1), 1e-2);
+    }
+}
+
+/// Place of the highest line, in cycles per readout, and its power over the mean.
+pub(super) fn line(power: &[f64], readouts: usize) -> (f64, f64) {
+    let end = ((HIGHEST_LINE * readouts as f64) as usize).min(power.len());
+    let mut best = (0.0, 1.0);
+    let reach = 40;
+    for i in 2..end {
+        let around = power[i.saturating_sub(reach).max(1)..i]
+            .iter()
+            .chain(&power[i + 1..(i + reach).min(power.len())]);
+        let (sum, count) = around.fold((0.0, 0.0), |(s, c), p| (s + p.min(power[i]), c + 1.0));
+        let ratio = power[i] * count / f64::max(sum, 1e-12);
+        if ratio > best.1 {
+            best = (i as f64 / readouts as f64, ratio);
+        }
+    }
+    best
+}

@@ -1,0 +1,99 @@
+//! Every hidden effect by its canonical name, and those from outside of the catalogue.
+
+use super::physics::Physics;
+
+/// A way to be imperfect: the name, the largest strength of the catalogue's table, and what a
+/// strength (with three uniform values for the other parameters) does to a sensor.
+pub struct Kind {
+    pub name: &'static str,
+    pub largest: f64,
+    pub set: fn(&mut Physics, f64, [f64; 3]),
+}
+
+fn log(low: f64, high: f64, u: f64) -> f64 {
+    low * (high / low).powf(u)
+}
+
+fn sign(u: f64) -> f64 {
+    if u < 0.5 { -1.0 } else { 1.0 }
+}
+
+/// The catalogue.
+pub const INSIDE: [Kind; 33] = [
+    Kind { name: "dead_time", largest: 0.1, set: |p, s, _| p.dead_time += s },
+    Kind { name: "response_nonlinearity", largest: 0.1, set: |p, s, u| p.quadratic = s * sign(u[0]) },
+    Kind { name: "partial_reset", largest: 1.0, set: |p, s, _| p.lost_remainder = s },
+    Kind { name: "leak", largest: 2e-3, set: |p, s, _| p.leak = s },
+    Kind { name: "dark_shot_noise", largest: 1.0, set: |p, s, _| p.dark_shot = s },
+    Kind { name: "comparator_noise", largest: 0.03, set: |p, s, _| p.comparator = s },
+    Kind {
+        name: "slow_threshold_noise",
+        largest: 0.01,
+        set: |p, s, u| p.slow = (s, log(100.0, 20_000.0, u[0])),
+    },
+    Kind {
+        name: "adaptation",
+        largest: 0.01,
+        set: |p, s, u| p.adaptation = (s, 1.0 - log(0.001, 0.2, u[0])),
+    },
+    Kind {
+        name: "telegraph_dark",
+        largest: 1.0,
+        set: |p, s, u| p.telegraph = (s, log(0.05, 0.5, u[0]), log(3e-4, 3e-3, u[1])),
+    },
+    Kind { name: "hot_pixels", largest: 0.015, set: |p, s, u| p.hot = (s, log(4.0, 20.0, u[0])) },
+    Kind { name: "dead_pixels", largest: 0.015, set: |p, s, _| p.dead = s },
+    Kind { name: "column_pattern", largest: 0.05, set: |p, s, _| p.column_sigma = s },
+    Kind { name: "row_pattern", largest: 0.05, set: |p, s, _| p.row_sigma = s },
+    Kind { name: "smooth_prnu", largest: 0.05, set: |p, s, u| p.smooth = (s, log(1.0, 6.0, u[0])) },
+    Kind { name: "vignetting", largest: 0.3, set: |p, s, _| p.vignetting = s },
+    Kind { name: "row_noise", largest: 0.03, set: |p, s, _| p.row_noise = s },
+    Kind {
+        name: "flicker",
+        largest: 0.1,
+        set: |p, s, u| p.flicker = (s, log(50.0, 2_000.0, u[0]), std::f64::consts::TAU * u[1]),
+    },
+    Kind { name: "gain_drift", largest: 0.1, set: |p, s, u| p.drift = s * sign(u[0]) },
+    Kind { name: "image_lag", largest: 0.05, set: |p, s, u| p.lag = (s, log(5.0, 200.0, u[0])) },
+    Kind { name: "crosstalk", largest: 0.06, set: |p, s, _| p.crosstalk = s },
+    Kind { name: "spike_coupling", largest: 0.015, set: |p, s, u| p.coupling = s * sign(u[0]) },
+    Kind { name: "supply_droop", largest: 0.03, set: |p, s, u| p.droop = s * sign(u[0]) },
+    Kind { name: "missed_spikes", largest: 0.1, set: |p, s, _| p.missed = s },
+    Kind { name: "false_spikes", largest: 0.01, set: |p, s, _| p.spurious = s },
+    Kind { name: "dropped_readouts", largest: 0.05, set: |p, s, _| p.dropped = s },
+    Kind { name: "repeated_readouts", largest: 0.05, set: |p, s, _| p.repeated = s },
+    // The strength is how far the clamp cuts below two thresholds.
+    Kind { name: "saturation_clamp", largest: 1.0, set: |p, s, _| p.clamp = 2.0 - s },
+    Kind { name: "dark_tail", largest: 1.0, set: |p, s, _| p.dark_log_sigma = s },
+    Kind { name: "gain_dark_correlation", largest: 1.0, set: |p, s, u| p.gain_dark = s * sign(u[0]) },
+    Kind { name: "edge_columns", largest: 0.5, set: |p, s, _| p.edge = 1.0 + s },
+    // The published model with another number: misfits.
+    Kind { name: "thermal_noise", largest: 3.0, set: |p, s, _| p.threshold_noise *= 1.0 + s },
+    Kind { name: "prnu", largest: 2.0, set: |p, s, _| p.gain_spread *= 1.0 + s },
+    Kind { name: "dark_current", largest: 3.0, set: |p, s, _| p.dark_mean *= 1.0 + s },
+];
+
+/// What the catalogue does not hold; strengths are fixed so that the sensor is plainly not clean.
+pub const OUTSIDE: [Kind; 8] = [
+    Kind { name: "two-tap parity", largest: 0.03, set: |p, s, _| p.parity = s },
+    Kind { name: "supply bursts", largest: 0.05, set: |p, s, u| p.burst = (log(1e-3, 1e-2, u[0]), s) },
+    Kind { name: "wake-up transient", largest: 0.2, set: |p, s, u| p.wake = (s, log(20.0, 200.0, u[0])) },
+    Kind { name: "diagonal banding", largest: 0.05, set: |p, s, u| p.banding = (s, log(4.0, 16.0, u[0])) },
+    Kind { name: "stuck row", largest: 1.0, set: |p, s, u| p.stuck_row = Some(((u[0] * 48.0) as usize, s)) },
+    Kind {
+        name: "dark current that remembers light",
+        largest: 2.0,
+        set: |p, s, u| p.dark_memory = (s, log(100.0, 1000.0, u[0])),
+    },
+    Kind {
+        name: "two populations of threshold noise",
+        largest: 6.0,
+        set: |p, s, u| p.noisy = (log(0.05, 0.3, u[0]), 1.0 + s),
+    },
+    Kind { name: "after-pulses", largest: 0.05, set: |p, s, _| p.after_pulse = s },
+];
+
+/// The kind called `name`.
+pub fn kind(name: &str) -> &'static Kind {
+    INSIDE.iter().chain(&OUTSIDE).find(|k| k.name == name).unwrap_or_else(|| panic!("no kind {name}"))
+}

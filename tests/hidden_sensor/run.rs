@@ -1,0 +1,303 @@
+//! The readouts of a hidden sensor.
+
+use rand::RngExt;
+use rand::rngs::Xoshiro256PlusPlus as Generator;
+use rand_distr::{Distribution, Poisson};
+
+use super::physics::{Physics, Sensor, generator, normal};
+use super::{READOUT_HZ, Scene};
+
+/// A light level is known to a thousandth.
+const LAMP: f64 = 1e-3;
+
+/// A whole number of electrons; above 400 a rounded normal value has the same distribution to 1e-3.
+fn electrons(rng: &mut Generator, mean: f64) -> f64 {
+    match mean {
+        ..=0.0 => 0.0,
+        ..400.0 => Poisson::new(mean).unwrap().sample(rng),
+        _ => (mean + mean.sqrt() * normal(rng)).round(),
+    }
+}
+
+struct Streams {
+    light: Generator,
+    threshold: Generator,
+    comparator: Generator,
+    dark: Generator,
+    slow: Generator,
+    rows: Generator,
+    flips: Generator,
+    frames: Generator,
+    switching: Generator,
+    bursts: Generator,
+}
+
+impl Streams {
+    fn new(seed: u64, number: u64) -> Self {
+        let of = |purpose| generator(seed, purpose, number + 1);
+        Self {
+            light: of("electrons"),
+            threshold: of("noise"),
+            comparator: of("comparator"),
+            dark: of("dark electrons"),
+            slow: of("slow"),
+            rows: of("row noise"),
+            flips: of("flips"),
+            frames: of("frames"),
+            switching: of("telegraph"),
+            bursts: of("bursts"),
+        }
+    }
+}
+
+struct Pixels {
+    /// Electrons that are missing to the threshold.
+    missing: Vec<f64>,
+    fired: Vec<bool>,
+    raised: Vec<f64>,
+    wandered: Vec<f64>,
+    stored: Vec<f64>,
+    switched: Vec<bool>,
+    remembered: Vec<f64>,
+    /// What fired at the readout before.
+    echo: Vec<bool>,
+}
+
+/// One recording; `number` seeds its temporal noise.
+pub fn record(sensor: &Sensor, scene: Scene, readouts: usize, number: u64) -> Vec<u8> {
+    let p = &sensor.physics;
+    let (width, height) = (sensor.width, sensor.height);
+    let n = width * height;
+    let mut streams = Streams::new(sensor.seed, number);
+    let lamp = 1.0 + LAMP * normal(&mut generator(sensor.seed, "lamp", number + 1));
+    let mut start = generator(sensor.seed, "start", number + 1);
+    let mut pixels = Pixels {
+        missing: (0..n).map(|i| sensor.threshold[i] * (1.0 - start.random::<f64>())).collect(),
+        fired: vec![false; n],
+        raised: vec![0.0; n],
+        wandered: (0..n)
+            .map(|_| if p.slow.0 > 0.0 { p.slow.0 * normal(&mut streams.slow) } else { 0.0 })
+            .collect(),
+        stored: vec![0.0; n],
+        switched: (0..n).map(|i| sensor.switching[i] && streams.switching.random::<bool>()).collect(),
+        remembered: vec![0.0; n],
+        echo: vec![false; n],
+    };
+    let levels = |t: usize| -> Vec<f64> {
+        let plain: Vec<f64> = (0..n).map(|i| lamp * scene.at(i / width, i % width, t)).collect();
+        shared(&plain, width, p.crosstalk)
+    };
+    let hold = if let Scene::Square { half_period, .. } = scene { half_period } else { usize::MAX };
+    let mut light = levels(0);
+    let stride = n.div_ceil(8);
+    let mut out = Vec::with_capacity(readouts * stride);
+    let mut before = vec![false; n];
+    let mut burst = 0.0;
+    let mut t = 0;
+    while out.len() < readouts * stride {
+        if t > 0 && t % hold == 0 {
+            light = levels(t);
+        }
+        burst *= 0.9;
+        if p.burst.0 > 0.0 && streams.bursts.random::<f64>() < p.burst.0 {
+            burst = p.burst.1;
+        }
+        let frame = readout(sensor, &light, t, readouts, burst, &mut pixels, &mut streams);
+        t += 1;
+        if p.dropped > 0.0 && streams.frames.random::<f64>() < p.dropped {
+            continue;
+        }
+        let again = p.repeated > 0.0 && t > 1 && streams.frames.random::<f64>() < p.repeated;
+        let shown = if again { before.clone() } else { frame };
+        pack(&shown, width, height, &mut out);
+        before = shown;
+    }
+    out
+}
+
+/// Every pixel gives `share` of its light to its four neighbours; what would leave the sensor stays.
+fn shared(light: &[f64], width: usize, share: f64) -> Vec<f64> {
+    if share == 0.0 {
+        return light.to_vec();
+    }
+    let height = light.len() / width;
+    let of_pixel = |i: usize| {
+        let mut sum = light[i];
+        neighbours(i, width, height, |j| sum += 0.25 * share * (light[j] - light[i]));
+        sum
+    };
+    (0..light.len()).map(of_pixel).collect()
+}
+
+fn neighbours(i: usize, width: usize, height: usize, mut each: impl FnMut(usize)) {
+    let (row, col) = (i / width, i % width);
+    if row > 0 {
+        each(i - width);
+    }
+    if row + 1 < height {
+        each(i + width);
+    }
+    if col > 0 {
+        each(i - 1);
+    }
+    if col + 1 < width {
+        each(i + 1);
+    }
+}
+
+/// Bits in file order: the bottom row first.
+fn pack(frame: &[bool], width: usize, height: usize, out: &mut Vec<u8>) {
+    let start = out.len();
+    out.resize(start + frame.len().div_ceil(8), 0);
+    for (i, _) in frame.iter().enumerate().filter(|(_, fired)| **fired) {
+        let at = (height - 1 - i / width) * width + i % width;
+        out[start + at / 8] |= 1 << (at % 8);
+    }
+}
+
+fn readout(
+    sensor: &Sensor,
+    light: &[f64],
+    t: usize,
+    readouts: usize,
+    burst: f64,
+    pixels: &mut Pixels,
+    streams: &mut Streams,
+) -> Vec<bool> {
+    let p = &sensor.physics;
+    let n = light.len();
+    let seconds = t as f64 / READOUT_HZ;
+    let flicker = 1.0 + p.flicker.0 * (std::f64::consts::TAU * p.flicker.1 * seconds + p.flicker.2).sin();
+    let drift = 1.0 + p.drift * t as f64 / readouts as f64;
+    let lamp = flicker * drift;
+    let active = pixels.fired.iter().filter(|f| **f).count() as f64 / n as f64;
+    let wake = 1.0 + p.wake.0 * (-(t as f64) / p.wake.1).exp();
+    let parity = if t % 2 == 0 { p.parity } else { -p.parity };
+    let common = (1.0 - p.droop * active) * (1.0 + parity) * (1.0 - burst) * wake;
+    let rows: Vec<f64> = (0..sensor.height)
+        .map(|_| if p.row_noise > 0.0 { p.row_noise * normal(&mut streams.rows) } else { 0.0 })
+        .collect();
+    let mut kick = vec![0.0; if p.coupling == 0.0 { 0 } else { n }];
+    for i in 0..kick.len() {
+        neighbours(i, sensor.width, sensor.height, |j| {
+            kick[i] += if pixels.fired[j] { p.coupling * sensor.threshold[i] } else { 0.0 };
+        });
+    }
+    pixels.echo.copy_from_slice(&pixels.fired);
+    let mut frame = vec![false; n];
+    for i in 0..n {
+        let mean = arriving(sensor, light[i] * lamp, i, pixels);
+        let mut gathered = electrons(&mut streams.light, mean) + dark(sensor, i, pixels, streams);
+        if pixels.fired[i] {
+            gathered *= 1.0 - p.dead_time;
+        }
+        if let Some(charge) = kick.get(i) {
+            gathered += charge;
+        }
+        let own = sensor.threshold[i];
+        if p.leak > 0.0 {
+            gathered -= p.leak * (own - pixels.missing[i]).max(0.0);
+        }
+        pixels.missing[i] = (pixels.missing[i] - gathered).max(own * (1.0 - p.clamp));
+        frame[i] = compare(sensor, i, common * (1.0 + rows[i / sensor.width]), pixels, streams);
+    }
+    report(p, sensor, frame, pixels, streams)
+}
+
+/// Mean electrons of the light in this readout.
+fn arriving(sensor: &Sensor, light: f64, i: usize, pixels: &mut Pixels) -> f64 {
+    let p = &sensor.physics;
+    let bent = light * (1.0 + p.quadratic * light);
+    let now = p.electrons * sensor.gain[i] * bent;
+    if p.lag.0 == 0.0 {
+        return now;
+    }
+    // What is held back leaves a store exponentially.
+    let late = pixels.stored[i] / p.lag.1;
+    pixels.stored[i] += p.lag.0 * now - late;
+    (1.0 - p.lag.0) * now + late
+}
+
+fn dark(sensor: &Sensor, i: usize, pixels: &mut Pixels, streams: &mut Streams) -> f64 {
+    let p = &sensor.physics;
+    let mut mean = sensor.dark[i];
+    if sensor.switching[i] {
+        if streams.switching.random::<f64>() < p.telegraph.2 {
+            pixels.switched[i] = !pixels.switched[i];
+        }
+        mean *= if pixels.switched[i] { 1.0 + p.telegraph.0 } else { 1.0 - p.telegraph.0 };
+    }
+    if p.dark_memory.0 > 0.0 {
+        let spike = if pixels.fired[i] { 1.0 } else { 0.0 };
+        pixels.remembered[i] += (spike - pixels.remembered[i]) / p.dark_memory.1;
+        mean *= 1.0 + p.dark_memory.0 * pixels.remembered[i];
+    }
+    if p.dark_shot == 0.0 {
+        return mean;
+    }
+    mean + p.dark_shot.sqrt() * (electrons(&mut streams.dark, mean) - mean)
+}
+
+/// Whether the pixel fires; noise is drawn only where it can decide.
+fn compare(sensor: &Sensor, i: usize, common: f64, pixels: &mut Pixels, streams: &mut Streams) -> bool {
+    let p = &sensor.physics;
+    let own = sensor.threshold[i];
+    if p.slow.0 > 0.0 {
+        let kept = (-1.0 / p.slow.1).exp();
+        pixels.wandered[i] =
+            kept * pixels.wandered[i] + p.slow.0 * (1.0 - kept * kept).sqrt() * normal(&mut streams.slow);
+    }
+    if p.adaptation.0 > 0.0 {
+        pixels.raised[i] *= p.adaptation.1;
+    }
+    let moved = own * (common * (1.0 + pixels.wandered[i] + pixels.raised[i]) - 1.0);
+    let sigma = p.electrons * p.threshold_noise * sensor.noise[i];
+    let silent = p.electrons * p.comparator;
+    let reach = 6.5 * sigma.hypot(silent);
+    let gap = pixels.missing[i] + moved;
+    pixels.fired[i] = false;
+    if gap > reach {
+        return false;
+    }
+    let noise = sigma * normal(&mut streams.threshold);
+    let unseen = if silent > 0.0 { silent * normal(&mut streams.comparator) } else { 0.0 };
+    if gap + noise + unseen > 0.0 {
+        return false;
+    }
+    pixels.fired[i] = true;
+    let remainder = -(gap + noise) * (1.0 - p.lost_remainder);
+    pixels.missing[i] = own - remainder;
+    pixels.raised[i] += p.adaptation.0;
+    true
+}
+
+/// Bits as they leave the sensor.
+fn report(
+    p: &Physics,
+    sensor: &Sensor,
+    mut frame: Vec<bool>,
+    pixels: &Pixels,
+    streams: &mut Streams,
+) -> Vec<bool> {
+    let flips = p.missed > 0.0 || p.spurious > 0.0;
+    if let Some((row, share)) = p.stuck_row {
+        for col in 0..sensor.width {
+            let i = row % sensor.height * sensor.width + col;
+            if streams.flips.random::<f64>() < share {
+                frame[i] = false;
+            }
+        }
+    }
+    if p.after_pulse > 0.0 {
+        for i in 0..frame.len() {
+            frame[i] |= pixels.echo[i] && streams.flips.random::<f64>() < p.after_pulse;
+        }
+    }
+    if flips {
+        for fired in &mut frame {
+            let u = streams.flips.random::<f64>();
+            *fired = if *fired { u >= p.missed } else { u < p.spurious };
+        }
+    }
+    frame
+}
