@@ -1,15 +1,18 @@
 //! `spikelane diagnose`: what a camera has that its model lacks.
 
+use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
-
+use serde_json::{Value, json};
 use spikelane::calibrate::RecordingSet;
 use spikelane::diagnose::{Diagnosis, Options, Part, Reference, Setup, Verdict, diagnose, page, published};
 use spikelane::error::{Error, Kind, Result};
 use spikelane::presets;
 use spikelane::simulate::save_camera;
 use spikelane::storage::write_small;
+
+use super::output::Out;
 
 /// Find what the model of a camera lacks, name it, and add it.
 #[derive(Debug, ClapArgs)]
@@ -40,7 +43,7 @@ pub struct Args {
 ///
 /// # Errors
 /// When a set is bad, or a file cannot be written.
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &Args, out: &Out) -> Result<()> {
     let set = RecordingSet::open(&args.recordings)?;
     let holdout = args.holdout.as_deref().map(RecordingSet::open).transpose()?;
     let camera = args.camera.as_deref().map(presets::load).transpose()?;
@@ -54,59 +57,65 @@ pub fn run(args: &Args) -> Result<()> {
         let camera = camera.map_or_else(|| published(&setup), Ok)?;
         let reference = Reference::new(setup, camera, args.seed, &mut progress)?;
         bar.finish_and_clear();
+        let (mut text, mut rows) = (String::new(), Vec::new());
         for n in reference.nameable() {
-            println!(
+            let _ = writeln!(
+                text,
                 "{:<24} {} {:.3e}   most like {} ({:+.2})",
                 n.name, n.key, n.strength, n.nearest, n.alike
             );
+            rows.push(json!({"name": n.name, "parameter": n.key, "strength": n.strength,
+                "nearest": n.nearest, "cosine": n.alike}));
         }
-        return Ok(());
+        return out.result(&json!({"event": "done", "nameable": rows}), &text);
     }
     let options = Options { camera: camera.as_ref(), reference: None, seed: args.seed };
     let found = diagnose(&set, holdout.as_ref(), options, &mut progress)?;
     bar.finish_and_clear();
-    write(&found, args)?;
-    say(&found);
-    Ok(())
+    let mut result = write(&found, args)?;
+    result["event"] = json!("done");
+    out.result(&result, &told(&found, args))
 }
 
-fn write(found: &Diagnosis, args: &Args) -> Result<()> {
+/// Writes the files; returns the diagnosis as JSON.
+fn write(found: &Diagnosis, args: &Args) -> Result<Value> {
     std::fs::create_dir_all(&args.out).map_err(|e| Error::io(args.out.display(), e))?;
-    let json =
-        serde_json::to_string_pretty(found).map_err(|e| Error::new(Kind::Config, "diagnosis").found(e))?;
-    write_small(&args.out.join("diagnosis.json"), json.as_bytes(), args.force)?;
+    let value = serde_json::to_value(found).map_err(|e| Error::new(Kind::Config, "diagnosis").found(e))?;
+    write_small(&args.out.join("diagnosis.json"), format!("{value:#}\n").as_bytes(), args.force)?;
     write_small(&args.out.join("report.html"), page(found)?.as_bytes(), args.force)?;
     save_camera(&found.camera, &args.out, args.force)?;
-    println!("{}", args.out.join("report.html").display());
-    Ok(())
+    Ok(value)
 }
 
-fn say(found: &Diagnosis) {
+fn told(found: &Diagnosis, args: &Args) -> String {
     let verdict = match found.verdict {
         Verdict::Agrees => "agrees",
         Verdict::Explained => "explained",
         Verdict::PartlyExplained => "partly explained",
         Verdict::Unknown => "unknown",
     };
-    println!("{verdict} ({:.1} s)", found.seconds);
+    let mut text = format!("{verdict} ({:.1} s)\n", found.seconds);
     for effect in &found.effects {
         let ties = if effect.tied_with.is_empty() {
             String::new()
         } else {
             format!(", or {}", effect.tied_with.join(", "))
         };
-        println!("{}{}{ties}", if effect.resembles { "resembles " } else { "" }, effect.name);
+        let _ = writeln!(text, "{}{}{ties}", if effect.resembles { "resembles " } else { "" }, effect.name);
         for p in &effect.parameters {
-            println!("  {} {:.5} ({:.5} to {:.5})", p.name, p.value, p.low, p.high);
+            let _ = writeln!(text, "  {} {:.5} ({:.5} to {:.5})", p.name, p.value, p.low, p.high);
         }
     }
     for m in &found.misfits {
-        println!(
+        let _ = writeln!(
+            text,
             "misfit {}: {:.5} ({:.5} to {:.5}), the model has {:.5}",
             m.parameter, m.fitted, m.low, m.high, m.model
         );
     }
     for u in &found.unknown {
-        println!("left: {} ({:+.1} standard deviations)", u.r#where, u.z);
+        let _ = writeln!(text, "left: {} ({:+.1} standard deviations)", u.r#where, u.z);
     }
+    let _ = writeln!(text, "{}", args.out.join("report.html").display());
+    text
 }

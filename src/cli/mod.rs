@@ -99,7 +99,7 @@ fn dispatch(command: Option<Command>, out: &Out) -> Result<()> {
         Some(Command::Measure(args)) => measure::run(&args, out),
         Some(Command::Calibrate(args)) => calibrate::run(&args, out),
         Some(Command::Compare(args)) => compare::run(&args, out),
-        Some(Command::Diagnose(args)) => diagnose::run(&args),
+        Some(Command::Diagnose(args)) => diagnose::run(&args, out),
         Some(Command::Record(args)) => record::run(&args, out),
         Some(Command::Scene(args)) => scene::run(&args, out),
         Some(Command::Dataset(args)) => dataset::run(&args, out),

@@ -5,7 +5,7 @@
 //! is xoshiro256++, and every effect is written anew from the catalogue's table. Where the library
 //! precomputes tables of integers, this goes pixel by pixel in `f64`.
 
-#![allow(dead_code)]
+#![allow(dead_code, unused_imports, reason = "each test and the study use a part of it")]
 
 mod kinds;
 mod physics;

@@ -172,7 +172,7 @@ fn readout(
     let lamp = flicker * drift;
     let active = pixels.fired.iter().filter(|f| **f).count() as f64 / n as f64;
     let wake = 1.0 + p.wake.0 * (-(t as f64) / p.wake.1).exp();
-    let parity = if t % 2 == 0 { p.parity } else { -p.parity };
+    let parity = if t.is_multiple_of(2) { p.parity } else { -p.parity };
     let common = (1.0 - p.droop * active) * (1.0 + parity) * (1.0 - burst) * wake;
     let rows: Vec<f64> = (0..sensor.height)
         .map(|_| if p.row_noise > 0.0 { p.row_noise * normal(&mut streams.rows) } else { 0.0 })
