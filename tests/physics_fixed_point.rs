@@ -7,7 +7,7 @@ use common_oracle::{camera_with, charges, preset, seeds};
 use spikelane::draws::gauss;
 use spikelane::simulate::FrameRef;
 use spikelane::spikes::{Geometry, bit};
-use spikelane::{Camera, Plan, Simulator};
+use spikelane::{Backend, Camera, Plan, Simulator};
 
 const LIGHTS: [f32; 6] = [0.0, 0.003, 0.05, 0.31, 0.77, 0.9];
 
@@ -192,5 +192,30 @@ fn the_rounding_multiply_is_biased_only_by_its_ties() {
         let bias = sum as f64 / 65_536.0;
         let bound = 2.0f64.powi(m.trailing_zeros() as i32 - 16);
         assert!(bias.abs() <= 1.3 * bound + 1e-4, "{m}: {bias} {bound}");
+    }
+}
+
+/// A pixel that starts with several thresholds of charge (uniform over twelve of them) fires once a readout until they
+/// are gone, and never again in the dark; on every backend.
+#[test]
+fn a_start_of_many_thresholds_fires_them_one_by_one() {
+    let model = camera_with(256, 1, &[]).model(seeds(0)).unwrap();
+    let charge = 12.0 * model.circuit.threshold_fc();
+    let camera = camera_with(256, 1, &[("start_phase", &[("share", 0.0), ("charge", charge)])]);
+    let geometry = camera.sensor.geometry;
+    for backend in Backend::ALL.into_iter().filter(|b| b.available()) {
+        let plan = Plan::new(&camera, seeds(0)).unwrap();
+        let mut simulator = Simulator::of_plan(plan).with_backend(backend).unwrap();
+        let mut bytes = vec![0; 40 * geometry.frame_bytes()];
+        simulator.push(FrameRef::u8(&[0; 256], geometry), &mut bytes).unwrap();
+        let frames: Vec<&[u8]> = bytes.chunks_exact(geometry.frame_bytes()).collect();
+        let mut spread = [0; 12];
+        for p in 0..256 {
+            let spikes = frames.iter().filter(|frame| bit(frame, p)).count();
+            assert!(frames[..spikes].iter().all(|frame| bit(frame, p)), "{backend}, pixel {p}: a gap");
+            spread[spikes] += 1;
+        }
+        // 256 pixels over twelve counts: 21 each, give or take 4.4.
+        assert!(spread.iter().all(|n| (4..=43).contains(n)), "{backend}: {spread:?}");
     }
 }
