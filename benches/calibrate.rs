@@ -40,8 +40,9 @@ fn population(found: &Calibration, truth: &[Pixel], name: &str) -> String {
     let off = [(p.mean_a, mean_a), (p.sd_a, sd_a), (p.mean_d, mean_d), (p.sd_d, sd_d)]
         .map(|(e, truth)| format!("{:+.4} %", 100.0 * (e.value / truth - 1.0)));
     let (phi, noise, k) = (p.sigma_phi, found.sigma_t, found.electrons);
+    let error = if k.error.is_nan() { "assumed".to_owned() } else { format!("\u{b1} {:.0}", k.error) };
     format!(
-        "| {name} | {} | {:.3} % \u{b1} {:.3} % for {:.3} % | {:.4} % \u{b1} {:.4} % for {:.4} % | {:.0} \u{b1} {:.0} for {:.0} |\n",
+        "| {name} | {} | {:.3} % \u{b1} {:.3} % for {:.3} % | {:.4} % \u{b1} {:.4} % for {:.4} % | {:.0} {error} for {:.0} |\n",
         off.join(" | "),
         100.0 * phi.value,
         100.0 * phi.error,
@@ -50,7 +51,6 @@ fn population(found: &Calibration, truth: &[Pixel], name: &str) -> String {
         100.0 * noise.error,
         100.0 * PUBLISHED.sigma_t,
         k.value,
-        k.error,
         PUBLISHED.photons,
     )
 }
