@@ -13,6 +13,7 @@ use spikelane::simulate::save_camera;
 use spikelane::storage::write_small;
 
 use super::output::Out;
+use super::progress::Files;
 
 /// Find what the model of a camera lacks, name it, and add it.
 #[derive(Debug, ClapArgs)]
@@ -47,16 +48,13 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     let set = RecordingSet::open(&args.recordings)?;
     let holdout = args.holdout.as_deref().map(RecordingSet::open).transpose()?;
     let camera = args.camera.as_deref().map(presets::load).transpose()?;
-    let bar = indicatif::ProgressBar::new(1000);
-    let mut progress = |what: &str, share: f64| {
-        bar.set_message(what.to_owned());
-        bar.set_position((share * 1000.0) as u64);
-    };
+    let mut bar = Files::new(out);
+    let mut progress = |what: &str, share: f64| bar.step(what, share);
     if args.nameable {
         let setup = Setup::of(&set, if holdout.is_some() { Part::Whole } else { Part::First })?;
         let camera = camera.map_or_else(|| published(&setup), Ok)?;
         let reference = Reference::new(setup, camera, args.seed, &mut progress)?;
-        bar.finish_and_clear();
+        drop(bar);
         let (mut text, mut rows) = (String::new(), Vec::new());
         for n in reference.nameable() {
             let _ = writeln!(
@@ -71,7 +69,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     }
     let options = Options { camera: camera.as_ref(), reference: None, seed: args.seed };
     let found = diagnose(&set, holdout.as_ref(), options, &mut progress)?;
-    bar.finish_and_clear();
+    drop(bar);
     let mut result = write(&found, args)?;
     result["event"] = json!("done");
     out.result(&result, &told(&found, args))

@@ -7,8 +7,8 @@
 //!
 //! A pass is the whole batch when frames are held. When they change faster, it
 //! ends after [`FRAMES`] frames, so that the frames are read side by side as
-//! few long streams, which prefetchers follow; a hundred frames at once, one
-//! cache line from each, ran at a quarter of the speed.
+//! few long streams, and each pass asks for the next one's lines; a hundred
+//! frames at once, one cache line from each, ran at a quarter of the speed.
 //!
 //! The const parameters make the common cases free of tests: the `NOISE` of the
 //! threshold ([`NONE`], [`READOUT`], [`RESET`]), how charge is stored (`STORE`:
