@@ -210,3 +210,40 @@ fn most_random_cameras_can_be_planned_and_fire() {
     println!("{planned} of 100 cameras planned, {fired} fired");
     assert!(planned >= 50 && fired >= 50, "{planned} planned, {fired} fired");
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 96, ..ProptestConfig::default() })]
+
+    /// Where light is held, a backend may draw the counts of many readouts together: every length around
+    /// the borders of such a block, at means from a tenth of a quantum to the change-over to normal noise.
+    #[test]
+    fn counts_of_few_quanta_do_not_depend_on_how_many_readouts_are_held(
+        quanta in 0.1f64..75.0,
+        spread in 0.0f64..0.5,
+        redraw in prop_oneof![Just("every-readout"), Just("every-reset")],
+        spurious in any::<bool>(),
+        readouts in prop_oneof![1usize..40, 60usize..70, 120usize..140],
+        seed in any::<u64>(),
+    ) {
+        let typical = |name: &str| effects::find(name).unwrap().typical();
+        let shot = typical("shot_noise");
+        let mut camera = Camera::ideal(Sensor::new(71, 3, 20_000.0).unwrap())
+            .with(shot)
+            .with(typical("saturation_clamp"))
+            .with(typical("prnu").with("sigma", spread).unwrap())
+            .with(typical("thermal_noise").with_text("redraw", redraw).unwrap());
+        if spurious {
+            camera = camera.with(typical("false_spikes"));
+        }
+        let seeds = Seeds { shot: seed, ..Seeds::default() };
+        let plan = Plan::with_light(&camera, seeds, 1.0).unwrap();
+        // Light that gives about as many quanta a readout; never none of them.
+        let per_unit = f64::from(plan.tables().shot.as_ref().unwrap().light[0]) * 255.0;
+        let light = (quanta / per_unit).min(1.0) as f32;
+        let frames = Frames::F32(vec![light; 213], vec![light * 0.5; 213]);
+        let expected = run(&plan, &frames, 2 * readouts, 64, Backend::Reference);
+        for backend in vectors() {
+            prop_assert_eq!(&expected, &run(&plan, &frames, 2 * readouts, 64, backend), "{}", backend);
+        }
+    }
+}

@@ -210,6 +210,16 @@ impl Lanes for Avx2 {
         memory!(to.as_mut_ptr().cast::<u16>().write_unaligned((self.bits(m) as u16).to_le()));
     }
     #[inline(always)]
+    fn store_bits_of_two(self, to: &mut [u8], first: __m256i, second: __m256i) {
+        let to = &mut to[..4];
+        // Packing works within halves, so the bytes are put in order once for both.
+        let bits = proven!(_mm256_movemask_epi8(_mm256_permute4x64_epi64::<0b11_01_10_00>(
+            // A comparison's complement, complemented, costs nothing; one scalar instruction turns all bits.
+            _mm256_packs_epi16(self.not(first), self.not(second))
+        )));
+        memory!(to.as_mut_ptr().cast::<u32>().write_unaligned((!bits as u32).to_le()));
+    }
+    #[inline(always)]
     fn prefetch(self, line: *const u8) {
         // No access: an address without memory behind it is passed over.
         proven!(_mm_prefetch::<_MM_HINT_T0>(line.cast()));

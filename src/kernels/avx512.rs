@@ -6,8 +6,9 @@ use std::arch::x86_64::*;
 
 use crate::draws::gauss;
 use crate::kernels::Job;
+use crate::kernels::avx512_counts;
 use crate::kernels::body::{self, by_case};
-use crate::kernels::lanes::Lanes;
+use crate::kernels::lanes::{CountDraw, Lanes, MOST_COUNTS};
 use crate::plan::StateParts;
 
 /// Proof that the CPU has the instructions: only [`Avx512::detect`] makes one.
@@ -417,6 +418,18 @@ impl Lanes for Avx512 {
             // entry (the subtraction above has shown that there is one).
             unsafe { _mm512_i32gather_epi32::<4>(_mm512_min_epu32(index, last), table.as_ptr().cast()) }
         })
+    }
+    const COUNTS: bool = true;
+    #[inline(always)]
+    fn counts(self, draw: &CountDraw<'_>, table: Pair, share: Pair, to: &mut [u8; MOST_COUNTS]) {
+        let mut words = [[0; 32]; 2];
+        for (words, pair) in words.iter_mut().zip([table, share]) {
+            let (first, second) = words.split_at_mut(16);
+            memory!(_mm512_storeu_si512(first.as_mut_ptr().cast(), pair[0]));
+            memory!(_mm512_storeu_si512(second.as_mut_ptr().cast(), pair[1]));
+        }
+        // SAFETY: `self` proves the features that the function is compiled with.
+        unsafe { avx512_counts::counts(self, draw, &words[0], &words[1], to) };
     }
     #[inline(always)]
     fn low(self, a: Pair) -> __m512i {

@@ -65,15 +65,22 @@ pub struct Segment<'a> {
     pub light: Light<'a>,
 }
 
+/// One readout's hash words for the draws that nearly every noisy plan makes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NoiseRound {
+    /// Of [`crate::plan::Clocks::shot`].
+    pub shot: Round,
+    /// Of [`crate::plan::Clocks::thermal`].
+    pub thermal: Round,
+}
+
 /// The hash words of every readout of a batch.
 #[derive(Clone, Debug, Default)]
 pub struct Rounds {
-    /// Of [`crate::plan::Clocks::shot`].
-    pub shot: Vec<Round>,
+    /// Of the draws of light and of threshold.
+    pub noise: Vec<NoiseRound>,
     /// Of [`crate::plan::Clocks::counts`].
     pub counts: Vec<Round>,
-    /// Of [`crate::plan::Clocks::thermal`].
-    pub thermal: Vec<Round>,
     /// Of [`crate::plan::Clocks::missed`].
     pub missed: [Vec<Round>; 2],
     /// Of [`crate::plan::Clocks::spurious`].
@@ -175,13 +182,14 @@ impl Rounds {
         let flip = plan.rules().flip;
         let missed = flip.is_some_and(|f| f.missed != 0);
         let spurious = flip.is_some_and(|f| f.spurious != 0);
-        let shot = plan.tables().shot.is_some();
+        let counted = plan.tables().shot.is_some();
         // The lanes walk along both, whatever the plan holds, as soon as it holds any noise.
-        let noisy = shot || plan.tables().noise.is_some() || plan.rules().surplus || plan.rules().extras();
+        let noisy = counted || plan.tables().noise.is_some() || plan.rules().surplus || plan.rules().extras();
+        let shot = words(clocks.shot, noisy).into_iter();
+        let thermal = words(clocks.thermal, noisy);
         Self {
-            shot: words(clocks.shot, noisy),
-            counts: words(clocks.counts, shot),
-            thermal: words(clocks.thermal, noisy),
+            noise: shot.zip(thermal).map(|(shot, thermal)| NoiseRound { shot, thermal }).collect(),
+            counts: words(clocks.counts, counted),
             missed: clocks.missed.map(|c| words(c, missed)),
             spurious: clocks.spurious.map(|c| words(c, spurious)),
         }

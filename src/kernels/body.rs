@@ -26,7 +26,7 @@ use std::ops::Range;
 use crate::kernels::bare::bare;
 use crate::kernels::general::general;
 use crate::kernels::increment::{Fine, Increment, Sample, cut_off, sample};
-use crate::kernels::lanes::Lanes;
+use crate::kernels::lanes::{COUNTED, Lanes, MOST_COUNTS};
 use crate::kernels::pass::{Pass, Row, Rows, passes};
 use crate::kernels::pixels::{Constants, Pixels};
 use crate::kernels::rare;
@@ -177,8 +177,7 @@ fn singles<L: Lanes, T: Sample, const NOISE: u8, const STORE: u8, const ANY: boo
                     let also =
                         step::noisy::<L, NOISE, STORE>(l, job, &row, &d, &increment, None, &mut others);
                     let bits = &mut row.bits[at / 8..][..const { L::N / 4 }];
-                    l.store_bits(bits, 0, fired);
-                    l.store_bits(bits, const { L::N / 8 }, also);
+                    l.store_bits_of_two(bits, fired, also);
                 }
                 pixels.store(l, state, at);
                 others.store(l, state, at + L::N);
@@ -222,7 +221,8 @@ fn pair<L: Lanes, const NOISE: u8, const STORE: u8>(
     out: &mut [u8],
 ) -> bool {
     let [(readouts, Light::Held(samples))] = pass.segments else { return false };
-    if at + 2 * L::N > job.pixels() {
+    // The second says what the first does, in the words in which the loop would ask at every readout.
+    if at + 2 * L::N > job.pixels() || !is_inside(job.tile_bytes(), at / 8, const { L::N / 4 }) {
         return false;
     }
     let greatest = job.plan.rules().greatest_light;
@@ -241,12 +241,17 @@ fn pair<L: Lanes, const NOISE: u8, const STORE: u8>(
         let fired = step::noisy::<L, NOISE, STORE>(l, job, &row, &c, &increment, None, &mut pixels);
         let more = step::noisy::<L, NOISE, STORE>(l, job, &row, &d, &other, None, &mut others);
         let bits = &mut row.bits[at / 8..][..const { L::N / 4 }];
-        l.store_bits(bits, 0, fired);
-        l.store_bits(bits, const { L::N / 8 }, more);
+        l.store_bits_of_two(bits, fired, more);
     }
     pixels.store(l, state, at);
     others.store(l, state, at + L::N);
     true
+}
+
+/// Whether `count` bytes from `at` on lie within `bytes`.
+#[inline(always)]
+fn is_inside(bytes: usize, at: usize, count: usize) -> bool {
+    at <= bytes && count <= bytes - at
 }
 
 /// Held frames and ways between frames.
@@ -298,9 +303,18 @@ fn stretch<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
     if increment.any_fine
         && let Some(fine) = Fine::new(l, job, c.p, light)
     {
-        for row in Rows::new(job, readouts, out) {
-            let fired = any::<L, NOISE, STORE, ANY>(l, job, &row, c, &increment, Some(&fine), pixels);
-            l.store_bits(row.bits, at / 8, fired);
+        let mut drawn = [0; MOST_COUNTS];
+        let mut start = readouts.start;
+        while start < readouts.end {
+            let block = start..readouts.end.min(start + COUNTED);
+            start = block.end;
+            let counts = !ANY && fine.draw(l, job, c.p, block.clone(), &mut drawn);
+            for (i, row) in Rows::new(job, block, out).enumerate() {
+                let counts = if counts { &drawn[i * L::N..][..L::N] } else { &[] };
+                let row = Row { counts, ..row };
+                let fired = any::<L, NOISE, STORE, ANY>(l, job, &row, c, &increment, Some(&fine), pixels);
+                l.store_bits(row.bits, at / 8, fired);
+            }
         }
     } else {
         for row in Rows::new(job, readouts, out) {

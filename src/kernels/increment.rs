@@ -1,7 +1,9 @@
 //! What the light decides: increments and noise, for a stretch of equal light.
 
+use std::ops::Range;
+
 use crate::draws::{gauss, poisson};
-use crate::kernels::lanes::Lanes;
+use crate::kernels::lanes::{CountDraw, Lanes, MOST_COUNTS};
 use crate::kernels::pixels::Constants;
 use crate::kernels::{Job, Samples};
 
@@ -127,6 +129,31 @@ impl<L: Lanes> Fine<L> {
             share,
             mean: l.add_f(base, l.mul_f(l.to_f(share), l.gather_f(&tables.step, point))),
         })
+    }
+}
+
+/// Fewer readouts than these are counted one by one: drawing them together costs as much as all of them.
+const WORTH: usize = 20;
+
+impl<L: Lanes> Fine<L> {
+    /// Draws the counts of `readouts`, at most [`COUNTED`], together where that is faster; false, with nothing done,
+    /// where it is not.
+    #[inline(always)]
+    pub fn draw(
+        &self,
+        l: L,
+        job: &Job<'_>,
+        p: usize,
+        readouts: Range<usize>,
+        to: &mut [u8; MOST_COUNTS],
+    ) -> bool {
+        if !L::COUNTS || readouts.len() < WORTH {
+            return false;
+        }
+        let (Some(shot), Some(tables)) = (&job.plan.tables().shot, job.plan.counts()) else { return false };
+        let (keys, rounds) = (&shot.keys[p..p + L::N], &job.batch.rounds().counts[readouts]);
+        l.counts(&CountDraw { tables, keys, rounds }, self.table, self.share, to);
+        true
     }
 }
 

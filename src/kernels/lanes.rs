@@ -4,6 +4,23 @@
 //! instructions, so every method is safe. All methods are defined exactly, to
 //! the bit; no fused multiply-add and no estimate is allowed.
 
+use crate::draws::hash::Round;
+use crate::draws::poisson;
+
+/// Readouts whose counts are drawn together.
+pub(crate) const COUNTED: usize = 64;
+/// Bytes that hold [`COUNTED`] readouts of the widest vector.
+pub(crate) const MOST_COUNTS: usize = COUNTED * 32;
+
+/// What the counts of a vector's pixels are drawn from.
+pub(crate) struct CountDraw<'a> {
+    pub tables: &'a poisson::Tables,
+    /// One for each pixel.
+    pub keys: &'a [u32],
+    /// At most [`COUNTED`].
+    pub rounds: &'a [Round],
+}
+
 /// Vectors of `N` pixels.
 pub(crate) trait Lanes: Copy {
     /// Pixels of a vector: 16 or 32.
@@ -71,6 +88,12 @@ pub(crate) trait Lanes: Copy {
             i += 1;
         }
     }
+    /// [`Lanes::store_bits`] of two vectors that lie side by side.
+    #[inline(always)]
+    fn store_bits_of_two(self, to: &mut [u8], first: Self::Mask, second: Self::Mask) {
+        self.store_bits(to, 0, first);
+        self.store_bits(to, const { Self::N / 8 }, second);
+    }
     /// Asks for the cache line at an address, which need not exist; changes nothing but the time.
     #[inline(always)]
     fn prefetch(self, line: *const u8) {
@@ -133,6 +156,15 @@ pub(crate) trait Lanes: Copy {
     #[inline(always)]
     fn gather_f(self, table: &[f32], index: Self::Word) -> Self::Float {
         self.f_of_bits(self.gather(bytemuck::cast_slice(table), index))
+    }
+
+    /// Whether [`Lanes::counts`] is faster than drawing one readout after the other.
+    const COUNTS: bool = false;
+    /// The Poisson counts of `N` pixels at all `rounds`, readout by readout, `N` bytes each: what
+    /// [`crate::draws::poisson::Tables::draw`] says. `table` is the first entry of each pixel's lower grid point.
+    #[inline(always)]
+    fn counts(self, draw: &CountDraw<'_>, table: Self::Word, share: Self::Word, to: &mut [u8; MOST_COUNTS]) {
+        let _ = (draw, table, share, to);
     }
 
     /// Low 16 bits of every word.

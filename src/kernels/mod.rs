@@ -12,6 +12,8 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(target_arch = "x86_64")]
+mod avx512_counts;
 mod backend;
 mod bare;
 mod batch;
@@ -29,7 +31,7 @@ mod reference_further;
 mod step;
 
 pub use backend::Backend;
-pub use batch::{Batch, Job, Light, Rounds, Samples, Segment};
+pub use batch::{Batch, Job, Light, NoiseRound, Rounds, Samples, Segment};
 pub use modulation::Modulation;
 
 use crate::plan::StateParts;

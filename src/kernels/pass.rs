@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::slice::{ChunksExactMut, Iter};
 
 use crate::draws::hash::Round;
+use crate::kernels::batch::NoiseRound;
 use crate::kernels::increment::Sample;
 use crate::kernels::lanes::Lanes;
 use crate::kernels::{Job, Light, Samples};
@@ -51,6 +52,8 @@ pub(super) struct Row<'a> {
     pub t: usize,
     pub shot: &'a Round,
     pub thermal: &'a Round,
+    /// The vector's counts where they were drawn beforehand, else nothing.
+    pub counts: &'a [u8],
     /// The tile's bits.
     pub bits: &'a mut [u8],
 }
@@ -127,8 +130,7 @@ impl<'a> Pass<'a> {
 /// called runs without the instructions of its caller (AVX-512 was a third slower).
 pub(super) struct Rows<'a> {
     t: usize,
-    shot: Iter<'a, Round>,
-    thermal: Iter<'a, Round>,
+    noise: Iter<'a, NoiseRound>,
     bits: ChunksExactMut<'a, u8>,
 }
 
@@ -137,12 +139,7 @@ impl<'a> Rows<'a> {
     pub fn new(job: &Job<'a>, readouts: Range<usize>, out: &'a mut [u8]) -> Self {
         let (rounds, bytes) = (job.batch.rounds(), job.tile_bytes());
         let bits = &mut out[readouts.start * bytes..readouts.end * bytes];
-        Self {
-            t: readouts.start,
-            shot: rounds.shot[readouts.clone()].iter(),
-            thermal: rounds.thermal[readouts].iter(),
-            bits: bits.chunks_exact_mut(bytes),
-        }
+        Self { t: readouts.start, noise: rounds.noise[readouts].iter(), bits: bits.chunks_exact_mut(bytes) }
     }
 }
 
@@ -151,9 +148,9 @@ impl<'a> Iterator for Rows<'a> {
 
     #[inline(always)]
     fn next(&mut self) -> Option<Row<'a>> {
-        let (bits, shot, thermal) = (self.bits.next()?, self.shot.next()?, self.thermal.next()?);
+        let (bits, NoiseRound { shot, thermal }) = (self.bits.next()?, self.noise.next()?);
         let t = self.t;
         self.t += 1;
-        Some(Row { t, shot, thermal, bits })
+        Some(Row { t, shot, thermal, counts: &[], bits })
     }
 }

@@ -58,7 +58,7 @@ pub(super) fn gather_charge<L: Lanes>(
     if job.plan.tables().shot.is_none() {
         return;
     }
-    let z = l.gauss(hash(l, constants.pair_keys, &job.batch.rounds().shot[t]));
+    let z = l.gauss(hash(l, constants.pair_keys, &job.batch.rounds().noise[t].shot));
     let mut noise = l.scale(z, increment.multiplier);
     if lost != 0.0 {
         let share = l.scale(noise, l.splat((lost * 32_768.0) as i16));
@@ -67,7 +67,7 @@ pub(super) fn gather_charge<L: Lanes>(
     pixel.charge = l.add_saturating(pixel.charge, noise);
     if let Some(fine) = fine {
         let noise = l.mul_f(l.to_f(l.widen(z)), fine.normal);
-        let noise = l.add_f(noise, counted(l, job, constants.p, t, fine));
+        let noise = l.add_f(noise, counted(l, job, constants.p, t, &[], fine));
         let clip = job.plan.rules().clip;
         let whole = fixed(l, noise, clip);
         if lost == 0.0 {
@@ -94,7 +94,7 @@ fn compare<L: Lanes>(
     let fresh = match &job.plan.tables().noise {
         None => l.splat(0),
         Some(_) => {
-            let z = l.gauss(hash(l, constants.pair_keys, &job.batch.rounds().thermal[t]));
+            let z = l.gauss(hash(l, constants.pair_keys, &job.batch.rounds().noise[t].thermal));
             l.scale(z, constants.noise)
         }
     };
@@ -127,7 +127,7 @@ pub(super) fn compare_words<L: Lanes>(
     let fresh = match &tables.noise {
         None => l.splat_w(0),
         Some(table) => {
-            let z = l.gauss(hash(l, constants.pair_keys, &job.batch.rounds().thermal[t]));
+            let z = l.gauss(hash(l, constants.pair_keys, &job.batch.rounds().noise[t].thermal));
             match table {
                 NoiseTable::Whole(_) => l.join(l.scale(z, constants.noise), l.splat(0)),
                 NoiseTable::Fine(m) => fixed(l, l.mul_f(l.to_f(l.widen(z)), l.load_f(m, constants.p)), true),

@@ -187,7 +187,7 @@ fn gather_charge(job: &Job<'_>, p: usize, t: usize, increment: &Increment, pixel
         return;
     }
     let rounds = job.batch.rounds();
-    let z = unit(rounds.shot[t], p);
+    let z = unit(rounds.noise[t].shot, p);
     let mut noise = scaled(z, increment.multiplier);
     if shortened {
         noise = noise.wrapping_sub(scaled(noise, (rules.lost_increment * 32_768.0) as i16));
@@ -218,8 +218,10 @@ fn compare(job: &Job<'_>, p: usize, t: usize, pixel: &mut Pixel) -> bool {
     let threshold = i32::from(tables.threshold[p]) << 16;
     let fresh = || match &tables.noise {
         None => 0,
-        Some(NoiseTable::Whole(m)) => i32::from(scaled(unit(job.batch.rounds().thermal[t], p), m[p])) << 16,
-        Some(NoiseTable::Fine(m)) => fixed(f32::from(unit(job.batch.rounds().thermal[t], p)) * m[p]),
+        Some(NoiseTable::Whole(m)) => {
+            i32::from(scaled(unit(job.batch.rounds().noise[t].thermal, p), m[p])) << 16
+        }
+        Some(NoiseTable::Fine(m)) => fixed(f32::from(unit(job.batch.rounds().noise[t].thermal, p)) * m[p]),
     };
     let frozen = rules.redraw == Redraw::EveryReset;
     let offset = further::offset(job, p, t, &mut pixel.lingering);

@@ -78,11 +78,11 @@ pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8>(
         pixel.charge = l.add_saturating(pixel.charge, l.scale(z, increment.multiplier));
         if let Some(fine) = fine {
             let noise = l.mul_f(l.to_f(l.widen(z)), fine.normal);
-            let noise = l.add_f(noise, counted(l, job, constants.p, row.t, fine));
+            let noise = l.add_f(noise, counted(l, job, constants.p, row.t, row.counts, fine));
             pixel.add_word(l, fixed(l, noise, constants.clip));
         }
     } else if let Some(fine) = fine {
-        pixel.add_word(l, fixed(l, counted(l, job, constants.p, row.t, fine), constants.clip));
+        pixel.add_word(l, fixed(l, counted(l, job, constants.p, row.t, row.counts, fine), constants.clip));
     }
     if STORE == CLAMPED {
         pixel.charge = l.min(pixel.charge, constants.ceiling);
@@ -145,11 +145,26 @@ pub(super) fn borrow<L: Lanes>(
     fired
 }
 
-/// Counted quanta less their mean, in steps x 65,536.
+/// Counted quanta less their mean, in steps x 65,536; `drawn` holds the counts if that is already done.
 #[inline(always)]
-pub(super) fn counted<L: Lanes>(l: L, job: &Job<'_>, p: usize, t: usize, fine: &Fine<L>) -> L::Float {
+pub(super) fn counted<L: Lanes>(
+    l: L,
+    job: &Job<'_>,
+    p: usize,
+    t: usize,
+    drawn: &[u8],
+    fine: &Fine<L>,
+) -> L::Float {
+    let number =
+        if L::COUNTS && !drawn.is_empty() { l.bytes_to_f(drawn, 0) } else { count(l, job, p, t, fine) };
+    l.mul_f(l.sub_f(number, fine.mean), fine.quantum)
+}
+
+/// How many quanta there were.
+#[inline(always)]
+fn count<L: Lanes>(l: L, job: &Job<'_>, p: usize, t: usize, fine: &Fine<L>) -> L::Float {
     let (Some(shot), Some(tables)) = (&job.plan.tables().shot, job.plan.counts()) else {
-        return l.splat_f(0.0);
+        return fine.mean;
     };
     let bits = hash_words(l, l.load_words(&shot.keys, p), &job.batch.rounds().counts[t]);
     let upper = l.add_w(fine.table, l.splat_w(poisson::COLUMNS as u32));
@@ -159,5 +174,5 @@ pub(super) fn counted<L: Lanes>(l: L, job: &Job<'_>, p: usize, t: usize, fine: &
     let draw = l.and_w(l.shr_w::<9>(bits), l.splat_w(0xffff));
     let alias = l.and_w(entry, l.splat_w(0xff));
     let number = l.select_less_w(draw, l.shr_w::<8>(entry), column, alias);
-    l.mul_f(l.sub_f(l.to_f(number), fine.mean), fine.quantum)
+    l.to_f(number)
 }

@@ -1,0 +1,227 @@
+//! Poisson counts with 512-bit vectors: one pixel at 64 readouts together.
+//!
+//! A gather looks up sixteen entries in some thirty cycles, more than all else of a readout. But
+//! under held light a pixel draws all its counts from the same two tables of 128 columns, and
+//! the byte permutation looks 64 of them up at once. So the counts are drawn along the readouts
+//! and turned afterwards.
+//!
+//! Vectors of words come in pairs, readouts 0 to 31 and 32 to 63. A pair packed to bytes
+//! ([`order`]) is in the order that unpacking undoes, which is not that of the readouts.
+
+#![allow(unsafe_code, reason = "instructions that the token proves the CPU to have")]
+
+use std::arch::x86_64::*;
+
+use crate::draws::hash::Round;
+use crate::draws::poisson::COLUMNS;
+use crate::kernels::avx512::Avx512;
+use crate::kernels::lanes::{COUNTED, CountDraw, MOST_COUNTS};
+
+const PIXELS: usize = 32;
+
+/// Where the words of sixteen rounds lie in the first two of three vectors, then in these and the third.
+static PARTS: [[[u32; 16]; 2]; 3] = [parts(0), parts(1), parts(2)];
+
+const fn parts(part: u32) -> [[u32; 16]; 2] {
+    let mut index = [[0; 16]; 2];
+    let mut i = 0;
+    while i < 16 {
+        let word = 3 * i as u32 + part;
+        let inside = word < 32;
+        index[0][i] = if inside { word } else { 0 };
+        index[1][i] = if inside { i as u32 } else { word - 16 };
+        i += 1;
+    }
+    index
+}
+
+const fn halves(start: u16) -> [u16; 32] {
+    let mut index = [0; 32];
+    let mut i = 0;
+    while i < 32 {
+        index[i] = start + 2 * i as u16;
+        i += 1;
+    }
+    index
+}
+
+/// Low and high words of two vectors of 32-bit words.
+static HALVES: [[u16; 32]; 2] = [halves(0), halves(1)];
+
+/// The readout of byte `b` of a packed pair.
+const fn order(b: usize) -> usize {
+    let (group, within) = (b / 16, b % 16);
+    if within < 8 { group * 8 + within } else { 32 + group * 8 + within - 8 }
+}
+
+/// Where readout `t`'s bytes of sixteen pixels are, after the turn: which vector, which quarter.
+static PLACE: [(usize, usize); COUNTED] = places();
+
+const fn places() -> [(usize, usize); COUNTED] {
+    let mut places = [(0, 0); COUNTED];
+    let mut b = 0;
+    while b < COUNTED {
+        places[order(b)] = (b % 16, b / 16);
+        b += 1;
+    }
+    places
+}
+
+/// An instruction on values.
+macro_rules! values {
+    ($e:expr) => {{
+        // SAFETY: the function's features are those that the token proves; no memory is touched.
+        #[allow(unused_unsafe, reason = "safe within a function of the same features")]
+        unsafe {
+            $e
+        }
+    }};
+}
+
+/// Loads 64 bytes.
+#[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
+#[inline]
+fn load<T: bytemuck::Pod>(from: &[T]) -> __m512i {
+    let bytes: &[u8; 64] = bytemuck::cast_slice(from)[..64].try_into().unwrap_or(&[0; 64]);
+    // SAFETY: 64 bytes, any alignment.
+    unsafe { _mm512_loadu_si512(bytes.as_ptr().cast()) }
+}
+
+/// Stores 64 bytes.
+#[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
+#[inline]
+fn store(to: &mut [u8; 64], v: __m512i) {
+    // SAFETY: 64 bytes, any alignment.
+    unsafe { _mm512_storeu_si512(to.as_mut_ptr().cast(), v) }
+}
+
+/// The words of 64 readouts, part by part.
+struct Words {
+    offset: [__m512i; 4],
+    first: [__m512i; 4],
+    second: [__m512i; 4],
+}
+
+#[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
+#[inline]
+fn words(rounds: &[Round]) -> Words {
+    let mut all = [Round::default(); COUNTED];
+    let count = rounds.len().min(COUNTED);
+    all[..count].copy_from_slice(&rounds[..count]);
+    let mut parts = [[values!(_mm512_setzero_si512()); 4]; 3];
+    for q in 0..4 {
+        let mut flat = [[0u32; 3]; 16];
+        for (flat, round) in flat.iter_mut().zip(&all[16 * q..]) {
+            *flat = [round.offset, round.first, round.second];
+        }
+        let flat: &[u32] = flat.as_flattened();
+        let (a, b, c) = (load(&flat[..16]), load(&flat[16..32]), load(&flat[32..]));
+        for (part, index) in parts.iter_mut().zip(&PARTS) {
+            let inside = values!(_mm512_permutex2var_epi32(a, load(&index[0]), b));
+            part[q] = values!(_mm512_permutex2var_epi32(inside, load(&index[1]), c));
+        }
+    }
+    let [offset, first, second] = parts;
+    Words { offset, first, second }
+}
+
+/// [`crate::draws::hash::bits`] of one pixel at 64 readouts.
+#[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
+#[inline]
+fn bits(key: u32, words: &Words) -> [__m512i; 4] {
+    let key = values!(_mm512_set1_epi32(key as i32));
+    let mut all = [key; 4];
+    for q in 0..4 {
+        values!({
+            let x = _mm512_mullo_epi32(_mm512_xor_si512(key, words.offset[q]), words.first[q]);
+            let x = _mm512_xor_si512(x, _mm512_srli_epi32::<15>(x));
+            let x = _mm512_mullo_epi32(x, words.second[q]);
+            all[q] = _mm512_xor_si512(x, _mm512_srli_epi32::<16>(x));
+        });
+    }
+    all
+}
+
+/// One pixel's counts at 64 readouts, in packed order.
+#[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
+#[inline]
+fn counts_of(rows: [&[[u8; COLUMNS]; 3]; 2], share: u32, x: [__m512i; 4]) -> __m512i {
+    let (low, high) = (load(&HALVES[0]), load(&HALVES[1]));
+    values!({
+        let low = [_mm512_permutex2var_epi16(x[0], low, x[1]), _mm512_permutex2var_epi16(x[2], low, x[3])];
+        let high = [_mm512_permutex2var_epi16(x[0], high, x[1]), _mm512_permutex2var_epi16(x[2], high, x[3])];
+        // Bits 25 to 31: the column.
+        let column = _mm512_packus_epi16(_mm512_srli_epi16::<9>(high[0]), _mm512_srli_epi16::<9>(high[1]));
+        // Bits 0 to 8: which table.
+        let nine = _mm512_set1_epi16(511);
+        let bound = _mm512_set1_epi16(share as i16);
+        let upper = _mm512_packs_epi16(
+            _mm512_movm_epi16(_mm512_cmplt_epi16_mask(_mm512_and_si512(low[0], nine), bound)),
+            _mm512_movm_epi16(_mm512_cmplt_epi16_mask(_mm512_and_si512(low[1], nine), bound)),
+        );
+        let upper = _mm512_movepi8_mask(upper);
+        let mut found = [column; 3];
+        for (i, found) in found.iter_mut().enumerate() {
+            let [from, to] = rows.map(|row| [load(&row[i][..64]), load(&row[i][64..])]);
+            let from = _mm512_permutex2var_epi8(from[0], column, from[1]);
+            let to = _mm512_permutex2var_epi8(to[0], column, to[1]);
+            *found = _mm512_mask_blend_epi8(upper, from, to);
+        }
+        let [alias, bound_low, bound_high] = found;
+        let bound =
+            [_mm512_unpacklo_epi8(bound_low, bound_high), _mm512_unpackhi_epi8(bound_low, bound_high)];
+        // Bits 9 to 24: compared with the column's threshold.
+        let mut kept = bound;
+        for i in 0..2 {
+            let draw = _mm512_or_si512(_mm512_slli_epi16::<7>(high[i]), _mm512_srli_epi16::<9>(low[i]));
+            kept[i] = _mm512_movm_epi16(_mm512_cmplt_epu16_mask(draw, bound[i]));
+        }
+        let kept = _mm512_movepi8_mask(_mm512_packs_epi16(kept[0], kept[1]));
+        _mm512_mask_blend_epi8(kept, alias, column)
+    })
+}
+
+/// Sixteen pixels at 64 readouts turned: vector `c` then holds in its quarter `q` the bytes `16 q + c` of all pixels.
+#[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
+#[inline]
+fn turn(mut v: [__m512i; 16]) -> [__m512i; 16] {
+    // A perfect shuffle of the sixteen rows, done four times, turns bytes within each quarter.
+    for _ in 0..4 {
+        let from = v;
+        for i in 0..8 {
+            values!({
+                v[2 * i] = _mm512_unpacklo_epi8(from[i], from[i + 8]);
+                v[2 * i + 1] = _mm512_unpackhi_epi8(from[i], from[i + 8]);
+            });
+        }
+    }
+    v
+}
+
+/// See [`crate::kernels::lanes::Lanes::counts`].
+#[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
+pub(super) fn counts(
+    _token: Avx512,
+    draw: &CountDraw<'_>,
+    table: &[u32; PIXELS],
+    share: &[u32; PIXELS],
+    to: &mut [u8; MOST_COUNTS],
+) {
+    let words = words(draw.rounds);
+    let rows = &draw.tables.bytes;
+    for half in [0, 16] {
+        let mut counted = [values!(_mm512_setzero_si512()); 16];
+        for (i, counted) in counted.iter_mut().enumerate() {
+            let p = half + i;
+            let point = (table[p] as usize / COLUMNS).min(rows.len() - 2);
+            *counted = counts_of([&rows[point], &rows[point + 1]], share[p], bits(draw.keys[p], &words));
+        }
+        let mut turned = [[0u8; 64]; 16];
+        for (turned, v) in turned.iter_mut().zip(turn(counted)) {
+            store(turned, v);
+        }
+        for (to, (vector, quarter)) in to.chunks_exact_mut(PIXELS).zip(PLACE) {
+            to[half..half + 16].copy_from_slice(&turned[vector][16 * quarter..][..16]);
+        }
+    }
+}
