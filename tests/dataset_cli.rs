@@ -3,7 +3,7 @@
 
 mod program_support;
 
-use program_support::{Place, exists};
+use program_support::{Place, Ran, exists};
 
 const TINY: &str = "dataset --preset tiny --sequences 1 --images 6 --label-every 3 --width 64 --height 40";
 
@@ -75,4 +75,21 @@ fn impossible_scenes_are_refused() {
     // No vehicle at all is a scene like any other.
     place.good(&format!("{TINY} --vehicles 0 -o empty"));
     assert_eq!(place.json("empty/sequences/scene-0000/record.json")["about"]["vehicles"], 0);
+}
+
+/// A limit on the size of files stands in for the full disk: both refuse what is written beyond some byte.
+#[test]
+#[cfg(unix)]
+fn a_dataset_that_finds_no_room_says_where_and_can_be_gone_on_with() {
+    let place = Place::new();
+    let line = format!("{TINY} -o set");
+    let script = format!("trap '' XFSZ; ulimit -f 16; exec {} {line}", env!("CARGO_BIN_EXE_spikelane"));
+    let mut shell = std::process::Command::new("sh");
+    let ran = Ran::of(&line, shell.args(["-c", &script]).current_dir(place.path("")).output().unwrap());
+    assert_eq!(ran.code, 5, "{}", ran.stderr);
+    assert!(ran.stderr.contains("scene-0000") && ran.stderr.contains("os error"), "{}", ran.stderr);
+    let left = std::fs::read_dir(place.path("set/sequences")).unwrap().count();
+    assert_eq!(left, 0, "something half-written is left");
+    assert!(place.good(&format!("{line} --resume")).stdout.contains("1 made, 0 verified"));
+    assert!(place.good(&format!("{line} --resume")).stdout.contains("0 made, 1 verified"));
 }

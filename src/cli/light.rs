@@ -98,6 +98,8 @@ pub struct Light {
     pub timeline: Timeline,
     pub readouts: Option<u64>,
     rate: Option<Rate>,
+    /// What the user should know about the light beforehand.
+    pub warning: Option<String>,
 }
 
 impl LightArgs {
@@ -132,7 +134,7 @@ impl LightArgs {
                 .expected("how long it is held")
                 .remedy("give --readouts or --readouts-per-frame"));
         }
-        Ok(Light { source, timeline, readouts: self.readouts, rate })
+        Ok(Light { source, timeline, readouts: self.readouts, rate, warning: None })
     }
 
     fn options(&self, camera: &Camera, moving: Option<Moving>) -> Options {
@@ -191,7 +193,29 @@ impl LightArgs {
         let scene = Scene::random(self.scene_seed.unwrap_or(DEFAULT_SCENE), &options)?;
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let drive = Drive::new(scene, rate, frames, None, scene::Samples::Four, threads)?;
-        Ok(Light { source: Box::new(drive), timeline, readouts: Some(readouts), rate: Some(rate) })
+        let warning = self.too_fast(drive.plan().max_px_per_readout, rate, readout);
+        let source = Box::new(drive);
+        Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate), warning })
+    }
+
+    /// What to say where the picture moves by more than half a pixel: from one frame to the next,
+    /// or even from one readout to the next.
+    fn too_fast(&self, px_per_frame: f64, rate: Rate, readout: Rate) -> Option<String> {
+        const BOUND_PX: f64 = 0.5;
+        // A tenth more is not worth a word: it is the fastest point of the whole drive.
+        if px_per_frame <= 1.1 * BOUND_PX || self.insertion != Insertion::Hold {
+            return None;
+        }
+        let needed = (px_per_frame / BOUND_PX * rate.hz()).ceil();
+        let remedy = if needed <= readout.hz() {
+            format!("--source-hz {needed} draws it often enough")
+        } else {
+            format!("it takes {needed} readouts a second (--readout-hz), or a smaller picture")
+        };
+        Some(format!(
+            "the fastest point of the scene moves by {px_per_frame:.2} pixels from one frame to the next, \
+             more than half a pixel; {remedy}"
+        ))
     }
 
     fn objects(&self, camera: &Camera, readout: Rate) -> Result<Light> {
@@ -204,7 +228,13 @@ impl LightArgs {
         let frames = self.frames(&timeline, readouts);
         let seed = self.scene_seed.unwrap_or(DEFAULT_SCENE);
         let source = Objects::new(camera.sensor.geometry, rate, frames, seed, OBJECTS)?;
-        Ok(Light { source: Box::new(source), timeline, readouts: Some(readouts), rate: Some(rate) })
+        Ok(Light {
+            source: Box::new(source),
+            timeline,
+            readouts: Some(readouts),
+            rate: Some(rate),
+            warning: None,
+        })
     }
 
     fn chart(&self, camera: &Camera, readout: Rate) -> Result<Light> {
@@ -213,7 +243,7 @@ impl LightArgs {
         let readouts = self.readouts.unwrap_or(CHART_READOUTS);
         let frames = self.frames(&timeline, readouts);
         let source = Box::new(Chart::new(camera.sensor.geometry, rate, Some(frames))?);
-        Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate) })
+        Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate), warning: None })
     }
 
     fn moving(&self, camera: &Camera, readout: Rate) -> Result<Light> {
@@ -228,7 +258,7 @@ impl LightArgs {
         let (rate, timeline) = self.drawn(readout, FRAMES_PER_S)?;
         let frames = self.frames(&timeline, readouts);
         let source = open(&path, &self.options(camera, Some(Moving { motion, rate, frames })))?;
-        Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate) })
+        Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate), warning: None })
     }
 }
 

@@ -32,15 +32,22 @@ pub struct Progress {
     stop: Stop,
     start: Instant,
     said: Instant,
+    unit: &'static str,
 }
 
 impl Progress {
+    /// Counts readouts.
     pub fn new(out: &Out, stop: Stop) -> Self {
-        let now = Instant::now();
-        Self { out: *out, bar: None, stop, start: now, said: now }
+        Self::of(out, stop, "readouts")
     }
 
-    /// `done` readouts of `total`.
+    /// Counts `unit`, a plural.
+    pub fn of(out: &Out, stop: Stop, unit: &'static str) -> Self {
+        let now = Instant::now();
+        Self { out: *out, bar: None, stop, start: now, said: now, unit }
+    }
+
+    /// `done` of `total`.
     ///
     /// # Errors
     /// [`Kind::Interrupted`] once the flag is up.
@@ -49,14 +56,14 @@ impl Progress {
             return Err(interrupted());
         }
         // Draws to standard error, and only when that is a terminal.
-        self.bar.get_or_insert_with(|| bar(total)).set_position(done);
+        self.bar.get_or_insert_with(|| bar(total, self.unit)).set_position(done);
         if self.out.json() && self.said.elapsed() >= PERIOD {
             self.said = Instant::now();
             let seconds = self.start.elapsed().as_secs_f64();
             let per_second = done as f64 / seconds;
             self.out.event(&json!({
-                "event": "progress", "readouts": done, "total": total, "seconds": seconds,
-                "readouts_per_second": per_second,
+                "event": "progress", self.unit: done, "total": total, "seconds": seconds,
+                format!("{}_per_second", self.unit): per_second,
                 "seconds_left": total.map(|n| n.saturating_sub(done) as f64 / per_second),
             }))?;
         }
@@ -115,12 +122,16 @@ fn interrupted() -> Error {
     Error::new(Kind::Interrupted, "stopped on request").remedy("unfinished files are removed")
 }
 
-fn bar(total: Option<u64>) -> ProgressBar {
+fn bar(total: Option<u64>, unit: &str) -> ProgressBar {
     let (bar, template) = match total {
-        Some(n) => {
-            (ProgressBar::new(n), "{wide_bar} {human_pos}/{human_len} readouts, {per_sec}, {eta} left")
-        }
-        None => (ProgressBar::new_spinner(), "{spinner} {human_pos} readouts, {per_sec}, {elapsed}"),
+        Some(n) => (
+            ProgressBar::new(n),
+            format!("{{wide_bar}} {{human_pos}}/{{human_len}} {unit}, {{per_sec}}, {{eta}} left"),
+        ),
+        None => (
+            ProgressBar::new_spinner(),
+            format!("{{spinner}} {{human_pos}} {unit}, {{per_sec}}, {{elapsed}}"),
+        ),
     };
-    bar.with_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()))
+    bar.with_style(ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar()))
 }

@@ -78,7 +78,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         None
     };
     let samples = if args.samples == "16" { Samples::Sixteen } else { Samples::Four };
-    let mut progress = Progress::new(out, stop_flag()?);
+    let mut progress = Progress::of(out, stop_flag()?, "frames");
     for i in 0..args.frames {
         progress.step(i.into(), Some(args.frames.into()))?;
         let t = f64::from(i) / args.rate;

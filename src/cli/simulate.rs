@@ -124,6 +124,9 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     // Before anything is reserved: what the layout cannot hold, and what would not plan.
     layout.frame_bytes(camera.sensor.geometry)?;
     Plan::with_light(&camera, job.seeds, job.greatest_light.unwrap_or(1.0))?;
+    if let Some(warning) = &light.warning {
+        out.say(format_args!("warning: {warning}"));
+    }
     let needed = needed_bytes(args, &job, &light, layout)?;
     let free = storage::free_space(&absolute(&names.noisy))?;
     out.event(&json!({
