@@ -88,7 +88,12 @@ impl Fitter<'_> {
     /// Mean phase variance per spike, and what one unit of `sigma^2` of a nominal pixel gives in its place.
     fn level_noise(&self, level: &Level) -> Option<(Estimate, f64)> {
         let map = &level.noise.as_ref()?.map;
-        let weight = |p: usize| f64::from(level.spikes[p]);
+        // The variance of a pixel's estimate falls with the number of its intervals; of few, it falls
+        // faster, as they tell growth badly from the constant.
+        let weight = |p: usize| match f64::from(level.spikes[p]) {
+            n if n < 32.0 => (n - 4.0).max(0.0).powi(2) / 28.0,
+            n => n - 4.0,
+        };
         let good: Vec<usize> =
             (0..map.len()).filter(|p| map[*p].is_finite() && level.rate[*p] < 0.2).collect();
         let total: f64 = good.iter().map(|p| weight(*p)).sum();
@@ -103,17 +108,24 @@ impl Fitter<'_> {
         let mut unit = 1.0;
         // More rounds where the level is dark, and its noise is the threshold's alone.
         for _ in 0..if level.light == 0.0 { 8 } else { 1 } {
-            let of_pixel = |p: &usize| {
-                let phi = self.threshold[*p];
-                // The mean of 1/phi^2 under the pixel's posterior.
-                let inverse = (1.0 + 3.0 * (phi[1] / phi[0]).powi(2)) / (phi[0] * phi[0]);
-                weight(*p) * inverse * self.share(level.rate[*p], square.sqrt() / phi[0])
-            };
+            let of_pixel = |p: &usize| weight(*p) * self.unit_noise(*p, level.rate[*p], square.sqrt());
             unit = good.par_iter().map(of_pixel).sum::<f64>() / total;
             if level.light == 0.0 {
                 square = (mean / unit).max(1e-16);
             }
         }
         Some((Estimate { value: mean, error: squares.sqrt() / total, samples: good.len() }, unit))
+    }
+
+    /// Variance per spike of a pixel, in its own thresholds, for each unit of a nominal pixel's `sigma^2`: the mean over the
+    /// posterior of its threshold, by Gauss and Hermite's three points.
+    fn unit_noise(&self, p: usize, f: f64, sigma: f64) -> f64 {
+        let [mean, sd] = self.threshold[p];
+        let at = |phi: f64| {
+            let own = sigma / phi;
+            self.share(self.increment(f, own), own) / (phi * phi)
+        };
+        let step = (3.0_f64.sqrt() * sd).min(0.5 * mean);
+        (4.0 * at(mean) + at(mean - step) + at(mean + step)) / 6.0
     }
 }
