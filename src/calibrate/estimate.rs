@@ -152,6 +152,13 @@ impl<'a> Fitter<'a> {
         self.points_with(p, self.sigma(p))
     }
 
+    /// The share of the charge that light brought to a pixel of rate `f`.
+    pub(super) fn lit(&self, p: usize, level: &Level, f: f64) -> f64 {
+        let known = self.fits[p].d;
+        let dark = if known.is_finite() { known } else { self.observed.levels[0].rate[p] };
+        if level.light == 0.0 { 0.0 } else { 1.0 - dark / f }
+    }
+
     fn points_with(&self, p: usize, sigma: f64) -> Vec<Point> {
         let levels = self.observed.levels.iter().enumerate();
         levels.filter_map(|(k, level)| self.point(p, k, level, sigma)).collect()
@@ -166,12 +173,10 @@ impl<'a> Fitter<'a> {
         let by_time = of_length && n >= LEAST_SPIKES;
         let f = if by_time { without_end_bias(f, f64::from(n - 1)) } else { f };
         let x = self.increment(f, sigma);
-        let known = self.fits[p].d;
-        let dark = if known.is_finite() { known } else { self.observed.levels[0].rate[p] };
-        let lit = if level.light == 0.0 { 0.0 } else { 1.0 - dark / f };
+        let lit = self.lit(p, level, f);
         let weighting = Weighting {
             threshold: sigma * sigma * self.share(x, sigma),
-            light: self.noise.light,
+            light: self.noise.light / self.threshold[p][0],
             dark: self.noise.dark,
         };
         let variance = match (of_length, by_time) {
@@ -286,7 +291,7 @@ impl<'a> Fitter<'a> {
         check_precision(&self, &population, options)?;
         if self.electrons.error.is_nan() {
             self.notes.push(format!(
-                "The intervals did not tell quanta from threshold noise: the {:.0} electrons per spike of the nominal circuit are assumed, and standard errors hold as far as that does.",
+                "The intervals did not tell quanta from threshold noise: the {:.0} electrons per spike of the nominal circuit are assumed; threshold noise, and the standard errors of a and d, hold as far as that does.",
                 self.electrons.value
             ));
         }
