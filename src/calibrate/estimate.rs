@@ -159,6 +159,13 @@ impl<'a> Fitter<'a> {
         if level.light == 0.0 { 0.0 } else { 1.0 - dark / f }
     }
 
+    /// Charge of a quantum of light in the pixel's own thresholds, over that of a nominal pixel: quanta are
+    /// photons, counted before the gain, as in the published model.
+    pub(super) fn quantum(&self, p: usize) -> f64 {
+        let a = self.fits[p].a;
+        if a.is_finite() { a } else { 1.0 }
+    }
+
     fn points_with(&self, p: usize, sigma: f64) -> Vec<Point> {
         let levels = self.observed.levels.iter().enumerate();
         levels.filter_map(|(k, level)| self.point(p, k, level, sigma)).collect()
@@ -176,7 +183,7 @@ impl<'a> Fitter<'a> {
         let lit = self.lit(p, level, f);
         let weighting = Weighting {
             threshold: sigma * sigma * self.share(x, sigma),
-            light: self.noise.light / self.threshold[p][0],
+            light: self.noise.light * self.quantum(p),
             dark: self.noise.dark,
         };
         let variance = match (of_length, by_time) {

@@ -14,7 +14,7 @@ struct Growth {
     s: Estimate,
     /// What one unit of a nominal pixel's `sigma^2` gives in its place.
     threshold: f64,
-    /// What quanta of one nominal threshold would give.
+    /// What one unit of `1 / K` gives.
     light: f64,
 }
 
@@ -124,7 +124,7 @@ impl Fitter<'_> {
             }
         }
         let squares = good.iter().map(|p| (weight(*p) * (map[*p] - raw)).powi(2)).sum::<f64>();
-        let of_light = |p: &usize| weight(*p) * self.lit(*p, level, level.rate[*p]) / self.threshold[*p][0];
+        let of_light = |p: &usize| weight(*p) * self.lit(*p, level, level.rate[*p]) * self.quantum(*p);
         let s = Estimate { value: mean, error: squares.sqrt() / total, samples: good.len() };
         Some(Growth { s, threshold: unit, light: good.iter().map(of_light).sum::<f64>() / total })
     }
