@@ -12,7 +12,7 @@ use measure_support::Stream;
 use spikelane::measure::{Accumulator, Options};
 use spikelane::spikes::{Geometry, Packed, count};
 
-const READOUTS: usize = 1984;
+const READOUTS: usize = 3968;
 
 struct Sample {
     name: &'static str,
@@ -79,6 +79,7 @@ fn main() {
         .configure_from_args();
     let samples = [
         sample("dim .01", 0.01, true),
+        sample("dim .05", 0.05, true),
         sample("middle .2", 0.2, true),
         sample("middle .2 random", 0.2, false),
         sample("bright .9", 0.9, true),

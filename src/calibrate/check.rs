@@ -152,6 +152,9 @@ fn in_its_unit(levels: &[Level]) -> Result<()> {
 fn rising(levels: &[Level]) -> Result<()> {
     let medians: Vec<(&Level, f64)> =
         levels.iter().map(|l| (l, l.median_rate())).filter(|(_, m)| *m <= SATURATED).collect();
+    if medians.len() >= 4 {
+        on_a_line(&medians)?;
+    }
     for pair in medians.windows(2) {
         if pair[1].1 < pair[0].1 {
             return Err(contradiction(pair[1].0).found(format_args!(
@@ -160,9 +163,11 @@ fn rising(levels: &[Level]) -> Result<()> {
             )));
         }
     }
-    if medians.len() < 4 {
-        return Ok(());
-    }
+    Ok(())
+}
+
+/// Of four levels and more, the one off the line of the others is named, and not its neighbour.
+fn on_a_line(medians: &[(&Level, f64)]) -> Result<()> {
     // Theil's line: the median of all slopes is untouched by a few wrong levels.
     let mut slopes = Vec::new();
     for (i, p) in medians.iter().enumerate() {
@@ -171,7 +176,7 @@ fn rising(levels: &[Level]) -> Result<()> {
     let slope = median(&mut slopes);
     let at = |(l, m): &(&Level, f64)| m - slope * l.light;
     let offset = median(&mut medians.iter().map(at).collect::<Vec<_>>());
-    for (level, found) in &medians {
+    for (level, found) in medians {
         let expected = slope * level.light + offset;
         if (found - expected).abs() > 0.05 * expected + 0.003 {
             return Err(contradiction(level).found(format_args!(

@@ -127,16 +127,43 @@ impl<'a> Fitter<'a> {
         self.noise.square.sqrt() / self.threshold[p][0]
     }
 
-    /// Variance per spike and per `sigma^2`.
-    pub(super) fn share(&self, f: f64, sigma: f64) -> f64 {
+    /// Variance per spike and per `sigma^2`, at an increment of `x` thresholds a readout.
+    pub(super) fn share(&self, x: f64, sigma: f64) -> f64 {
         match self.noise.redrawn {
-            Redrawn::EveryReadout if sigma > 0.0 => nu(f / sigma),
+            Redrawn::EveryReadout if sigma > 0.0 => nu(x / sigma),
             _ => 1.0,
+        }
+    }
+
+    /// The increment at which a pixel fires at rate `f`, from the balance of charge.
+    pub(super) fn increment(&self, f: f64, sigma: f64) -> f64 {
+        (f - self.taken(f, sigma)) / (1.0 - self.noise.lost * f)
+    }
+
+    /// The rate that is due to low draws of the noise.
+    fn taken(&self, f: f64, sigma: f64) -> f64 {
+        match self.noise.redrawn {
+            Redrawn::EveryReadout => bias(f, sigma),
+            Redrawn::EveryReset => 0.0,
         }
     }
 
     pub(super) fn points(&self, p: usize) -> Vec<Point> {
         self.points_with(p, self.sigma(p))
+    }
+
+    /// The share of the charge that light brought to a pixel of rate `f`.
+    pub(super) fn lit(&self, p: usize, level: &Level, f: f64) -> f64 {
+        let known = self.fits[p].d;
+        let dark = if known.is_finite() { known } else { self.observed.levels[0].rate[p] };
+        if level.light == 0.0 { 0.0 } else { 1.0 - dark / f }
+    }
+
+    /// Charge of a quantum of light in the pixel's own thresholds, over that of a nominal pixel: quanta are
+    /// photons, counted before the gain, as in the published model.
+    pub(super) fn quantum(&self, p: usize) -> f64 {
+        let a = self.fits[p].a;
+        if a.is_finite() { a } else { 1.0 }
     }
 
     fn points_with(&self, p: usize, sigma: f64) -> Vec<Point> {
@@ -152,16 +179,11 @@ impl<'a> Fitter<'a> {
         }
         let by_time = of_length && n >= LEAST_SPIKES;
         let f = if by_time { without_end_bias(f, f64::from(n - 1)) } else { f };
-        let whole = sigma * sigma * psi(f / sigma);
-        let bias = if sigma > 0.0 { whole } else { 0.0 };
-        let taken = if self.noise.redrawn == Redrawn::EveryReadout { bias } else { 0.0 };
-        let x = (f - taken) / (1.0 - self.noise.lost * f);
-        let known = self.fits[p].d;
-        let dark = if known.is_finite() { known } else { self.observed.levels[0].rate[p] };
-        let lit = if level.light == 0.0 { 0.0 } else { 1.0 - dark / f };
+        let x = self.increment(f, sigma);
+        let lit = self.lit(p, level, f);
         let weighting = Weighting {
-            threshold: sigma * sigma * self.share(f, sigma),
-            light: self.noise.light,
+            threshold: sigma * sigma * self.share(x, sigma),
+            light: self.noise.light * self.quantum(p),
             dark: self.noise.dark,
         };
         let variance = match (of_length, by_time) {
@@ -172,7 +194,7 @@ impl<'a> Fitter<'a> {
             (false, _) => weighting.variance(f, 1000.0, lit) + 1e-14,
         };
         let light = level.light + self.offsets[k].value;
-        Some(Point { level: k, light, x, variance, bias })
+        Some(Point { level: k, light, x, variance, bias: bias(f, sigma) })
     }
 
     /// Fits levels and pixels; with `test`, how much of the rate bias is there as well.
@@ -276,7 +298,7 @@ impl<'a> Fitter<'a> {
         check_precision(&self, &population, options)?;
         if self.electrons.error.is_nan() {
             self.notes.push(format!(
-                "The intervals did not tell quanta from threshold noise: the {:.0} electrons per spike of the nominal circuit are assumed, and standard errors hold as far as that does.",
+                "The intervals did not tell quanta from threshold noise: the {:.0} electrons per spike of the nominal circuit are assumed; threshold noise, and the standard errors of a and d, hold as far as that does.",
                 self.electrons.value
             ));
         }
@@ -301,6 +323,16 @@ impl<'a> Fitter<'a> {
             paper: None,
         })
     }
+}
+
+/// The rate that noise redrawn at every readout adds at rate `f`. The increment that `psi` asks for is the rate
+/// less this bias: one round is enough, the bias is half a per cent.
+fn bias(f: f64, sigma: f64) -> f64 {
+    if sigma <= 0.0 {
+        return 0.0;
+    }
+    let first = sigma * sigma * psi(f / sigma);
+    sigma * sigma * psi((f - first) / sigma)
 }
 
 fn check_precision(fitter: &Fitter<'_>, population: &Population, options: &Options) -> Result<()> {

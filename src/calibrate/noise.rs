@@ -8,6 +8,16 @@ use super::result::Redrawn;
 use crate::measure::Estimate;
 use crate::sensor::Sensor;
 
+/// What the interval variance of a level says.
+struct Growth {
+    /// Phase variance per spike, in the pixels' own thresholds.
+    s: Estimate,
+    /// What one unit of a nominal pixel's `sigma^2` gives in its place.
+    threshold: f64,
+    /// What one unit of `1 / K` gives.
+    light: f64,
+}
+
 impl Fitter<'_> {
     /// Threshold noise and quanta from interval variance: dark levels have no light's
     /// quanta, dim ones have both.
@@ -15,22 +25,18 @@ impl Fitter<'_> {
         let (mut dark, mut lit) = (None, Vec::new());
         for level in &self.observed.levels {
             let Some(mean) = self.level_noise(level) else { continue };
-            if level.light == 0.0 { dark = Some(mean) } else { lit.push((level.median_rate(), mean)) }
+            if level.light == 0.0 { dark = Some(mean) } else { lit.push(mean) }
         }
-        let dark_rate =
-            self.observed.levels.first().filter(|l| l.light == 0.0).map_or(0.0, Level::median_rate);
-        // Weighted mean over the dim levels of (s - s_T) / share of light.
+        // Weighted mean over the dim levels of what thresholds leave to the quanta.
         let excess = |square: f64| {
-            let terms = lit.iter().map(|(f, (s, threshold))| {
-                let share = 1.0 - dark_rate / f;
-                ((s.value - square * threshold) / share, s.error / share)
-            });
+            let of_level = |g: &Growth| ((g.s.value - square * g.threshold) / g.light, g.s.error / g.light);
+            let terms = lit.iter().map(of_level);
             let (sum, weight) = terms.fold((0.0, 0.0), |(a, w), (v, e)| (a + v / (e * e), w + 1.0 / (e * e)));
             Estimate { value: sum / weight, error: weight.sqrt().recip(), samples: lit.len() }
         };
         let nominal = Sensor::electrons(self.sensor.capacitance_ff * self.sensor.swing_v);
         match dark {
-            Some((s, threshold)) if s.value > 0.0 => {
+            Some(Growth { s, threshold, .. }) if s.value > 0.0 => {
                 let square = s.value / threshold;
                 let quanta = excess(square);
                 let same = quanta.value < 3.0 * quanta.error.hypot(s.error);
@@ -52,7 +58,7 @@ impl Fitter<'_> {
     fn set_noise(&mut self, square: f64, error: f64) {
         self.noise.square = square;
         let value = square.sqrt();
-        let error = if value > 0.0 { error / (2.0 * value) } else { error.sqrt() };
+        let error = if value > 0.0 || error.is_nan() { error / (2.0 * value) } else { error.sqrt() };
         self.sigma_t = Estimate { value, error, samples: self.fits.len() };
     }
 
@@ -69,12 +75,13 @@ impl Fitter<'_> {
     }
 
     /// Without the variance of dark intervals: the quanta of the nominal circuit, and what remains.
-    fn assume_noise(&mut self, lit: &[(f64, (Estimate, f64))], nominal: f64) {
+    fn assume_noise(&mut self, lit: &[Growth], nominal: f64) {
         self.electrons = Estimate { value: nominal, error: f64::NAN, samples: 0 };
         self.noise.light = 1.0 / nominal;
         match lit.first() {
-            Some((_, (s, threshold))) => {
-                self.set_noise(((s.value - 1.0 / nominal) / threshold).max(0.0), s.error / threshold);
+            Some(g) => {
+                // As far from the truth as the assumed quanta are: its error is not known.
+                self.set_noise(((g.s.value - g.light / nominal) / g.threshold).max(0.0), f64::NAN);
             }
             None => {
                 // kTC noise at room temperature.
@@ -85,35 +92,56 @@ impl Fitter<'_> {
         }
     }
 
-    /// Mean phase variance per spike, and what one unit of `sigma^2` of a nominal pixel gives in its place.
-    fn level_noise(&self, level: &Level) -> Option<(Estimate, f64)> {
+    fn level_noise(&self, level: &Level) -> Option<Growth> {
         let map = &level.noise.as_ref()?.map;
-        let weight = |p: usize| f64::from(level.spikes[p]);
+        // The variance of a pixel's estimate falls with the number of its intervals; of few, it falls
+        // faster, as they tell growth badly from the constant.
+        let weight = |p: usize| match f64::from(level.spikes[p]) {
+            n if n < 32.0 => (n - 4.0).max(0.0).powi(2) / 28.0,
+            n => n - 4.0,
+        };
         let good: Vec<usize> =
             (0..map.len()).filter(|p| map[*p].is_finite() && level.rate[*p] < 0.2).collect();
         let total: f64 = good.iter().map(|p| weight(*p)).sum();
         if good.len() < 16 || total <= 0.0 {
             return None;
         }
-        let mean = good.iter().map(|p| weight(*p) * map[*p]).sum::<f64>() / total;
-        let squares = good.iter().map(|p| (weight(*p) * (map[*p] - mean)).powi(2)).sum::<f64>();
         // Half of the mean is noise, before anything is known.
-        let start = if self.noise.square > 0.0 { self.noise.square } else { 0.5 * mean.max(1e-12) };
-        let mut square = start;
-        let mut unit = 1.0;
+        let raw = good.iter().map(|p| weight(*p) * map[*p]).sum::<f64>() / total;
+        let mut square = if self.noise.square > 0.0 { self.noise.square } else { 0.5 * raw.max(1e-12) };
+        let (mut mean, mut unit) = (raw, 1.0);
         // More rounds where the level is dark, and its noise is the threshold's alone.
         for _ in 0..if level.light == 0.0 { 8 } else { 1 } {
             let of_pixel = |p: &usize| {
-                let phi = self.threshold[*p];
-                // The mean of 1/phi^2 under the pixel's posterior.
-                let inverse = (1.0 + 3.0 * (phi[1] / phi[0]).powi(2)) / (phi[0] * phi[0]);
-                weight(*p) * inverse * self.share(level.rate[*p], square.sqrt() / phi[0])
+                let [charge, unit] = self.unit_noise(*p, level.rate[*p], square.sqrt());
+                [weight(*p) * map[*p] * charge, weight(*p) * unit]
             };
-            unit = good.par_iter().map(of_pixel).sum::<f64>() / total;
+            let add = |a: [f64; 2], b: [f64; 2]| [a[0] + b[0], a[1] + b[1]];
+            let sums = good.par_iter().map(of_pixel).reduce(|| [0.0; 2], add);
+            [mean, unit] = sums.map(|sum| sum / total);
             if level.light == 0.0 {
                 square = (mean / unit).max(1e-16);
             }
         }
-        Some((Estimate { value: mean, error: squares.sqrt() / total, samples: good.len() }, unit))
+        let squares = good.iter().map(|p| (weight(*p) * (map[*p] - raw)).powi(2)).sum::<f64>();
+        let of_light = |p: &usize| weight(*p) * self.lit(*p, level, level.rate[*p]) * self.quantum(*p);
+        let s = Estimate { value: mean, error: squares.sqrt() / total, samples: good.len() };
+        Some(Growth { s, threshold: unit, light: good.iter().map(of_light).sum::<f64>() / total })
+    }
+
+    /// Two means over the posterior of a pixel's threshold, by Gauss and Hermite's three points. First the square of the charge
+    /// that a readout brings over that of the rate: a span's variance in readouts becomes one of charge by the increment, which
+    /// is less than the rate by what low draws save (0.5 % in the dark). Then the variance of that charge per spike, in the
+    /// pixel's own thresholds, for each unit of a nominal pixel's `sigma^2`.
+    fn unit_noise(&self, p: usize, f: f64, sigma: f64) -> [f64; 2] {
+        let [mean, sd] = self.threshold[p];
+        let at = |phi: f64| {
+            let own = sigma / phi;
+            let x = self.increment(f, own);
+            [(x / f).powi(2), self.share(x, own) / (phi * phi)]
+        };
+        let step = (3.0_f64.sqrt() * sd).min(0.5 * mean);
+        let (middle, low, high) = (at(mean), at(mean - step), at(mean + step));
+        [0, 1].map(|i| (4.0 * middle[i] + low[i] + high[i]) / 6.0)
     }
 }

@@ -49,6 +49,9 @@ pub(super) fn identify(
     say(format!(
         "The scale of a is that of the light given ({light} lit levels); an error common to all of them cannot be seen."
     ));
+    if observed.levels.iter().filter(|l| l.median_rate() <= super::check::SATURATED).count() == 2 {
+        say("Two levels below saturation: a line passes through any two. Whether rates follow the light in proportion, whether a given level is wrong, and which pixels do not fit the model cannot be told, and chi-square has no degrees of freedom; a third level would tell.".to_owned());
+    }
     if observed.levels.iter().all(|l| l.light > 0.0) {
         say("Without a recording in the dark, d is an extrapolation, and threshold noise was not told from shot noise.".to_owned());
     } else if bias_share.error < super::estimate::TOLD {

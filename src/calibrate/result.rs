@@ -60,7 +60,7 @@ pub struct Calibration {
     pub population: Population,
     /// Threshold noise over the nominal threshold.
     pub sigma_t: Estimate,
-    /// Electrons (or photons) per spike.
+    /// Quanta of light per spike of a nominal pixel: photons, counted before the gain.
     pub electrons: Estimate,
     /// Share of the dark current's shot noise that is there.
     pub dark_shot: f64,
@@ -110,10 +110,15 @@ impl Calibration {
             maps[1][*p] = 0.0;
         }
         let [gain, dark, swing] = maps;
-        let nominal = Sensor::electrons(sensor.capacitance_ff * sensor.swing_v);
         let redraw = if self.redrawn == Redrawn::EveryReadout { 1.0 } else { 0.0 };
         let mut camera = Camera::ideal(sensor)
-            .with(find("shot_noise")?.neutral().with("strength", nominal / self.electrons.value)?)
+            .with(
+                find("shot_noise")?
+                    .neutral()
+                    .with("strength", 1.0)?
+                    .with("counts", 1.0)?
+                    .with("photons_at_full_scale", self.electrons.value)?,
+            )
             .with(
                 find("thermal_noise")?
                     .neutral()

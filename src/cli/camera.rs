@@ -29,7 +29,8 @@ pub struct Changes {
     /// Electrons per readout at full-scale light [default: one nominal threshold, unless the preset says]
     #[arg(long, value_name = "ELECTRONS", help_heading = "Camera")]
     pub exposure: Option<f64>,
-    /// Set a parameter of an effect, such as prnu.sigma=0.03; may be repeated
+    /// Set a parameter of an effect, such as prnu.sigma=0.03; may be repeated. The effect's other parameters stay as the
+    /// preset has them; with '--without NAME' they start from neutral
     #[arg(long, value_name = "NAME.KEY=VALUE", help_heading = "Camera")]
     pub effect: Vec<String>,
     /// Leave an effect out; may be repeated

@@ -25,7 +25,7 @@ pub const EFFECT: Definition = Definition {
             (0.0, 1e3),
             0.0,
             0.0,
-            "uniform over this charge, added to the former",
+            "uniform over this charge, added to the former; set it to 0 for a share alone",
         ),
     ],
     edit: no_edit,

@@ -160,7 +160,7 @@ pub struct Accumulator {
 impl Accumulator {
     /// An accumulator for a sensor.
     ///
-    /// Buffers the last 496 readouts of its rows (fewer above 256 MB), and
+    /// Buffers the last 1984 readouts of its rows (fewer above 64 MB), and
     /// keeps 40 bytes per pixel for counts and 330 for intervals at six lags.
     ///
     /// # Errors

@@ -13,13 +13,26 @@ pub fn light(k: u32) -> f64 {
     f64::from(10 * k) / 255.0
 }
 
-/// All levels of all pixels.
+/// The paper's levels of all pixels.
 pub fn observed(noise: &Noise, truth: &[Pixel], width: u32, readouts: u32) -> Observed {
-    let one = |k: u32| level(noise, truth, light(k), readouts, 77 + u64::from(k), light(k) < 0.12);
+    let lights: Vec<f64> = (0..LEVELS).map(light).collect();
+    observed_at(&lights, noise, truth, width, readouts, 77)
+}
+
+/// Some levels of all pixels; the generators' seeds count up from `seed`.
+pub fn observed_at(
+    lights: &[f64],
+    noise: &Noise,
+    truth: &[Pixel],
+    width: u32,
+    readouts: u32,
+    seed: u64,
+) -> Observed {
+    let one = |(l, k): (&f64, u64)| level(noise, truth, *l, readouts, k, *l < 0.12);
     Observed {
         geometry: Geometry::new(width, truth.len() as u32 / width).unwrap(),
         readout_hz: 20_000.0,
-        levels: (0..LEVELS).map(one).collect(),
+        levels: lights.iter().zip(seed..).map(one).collect(),
         others: Vec::new(),
     }
 }

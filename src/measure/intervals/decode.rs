@@ -126,6 +126,23 @@ fn sparse(bits: u64, base: i16, spikes: usize, out: &mut [i16]) {
     }
 }
 
+/// The first words with `spikes` spikes or more, and the rest.
+pub(super) fn split(
+    words: &[u64; HISTORY_WORDS],
+    spikes: usize,
+) -> ([u64; HISTORY_WORDS], [u64; HISTORY_WORDS]) {
+    let (mut early, mut late) = ([0; HISTORY_WORDS], *words);
+    let mut seen = 0;
+    for (early, late) in early.iter_mut().zip(&mut late) {
+        if seen >= spikes {
+            break;
+        }
+        seen += late.count_ones() as usize;
+        std::mem::swap(early, late);
+    }
+    (early, late)
+}
+
 /// Writes the times of a pixel's spikes, plus `offset`, from `times[at]` on and
 /// returns where they end. Up to [`SLACK`] entries behind the end are clobbered.
 pub(super) fn times(words: &[u64; HISTORY_WORDS], offset: i16, times: &mut [i16], mut at: usize) -> usize {

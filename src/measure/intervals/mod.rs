@@ -153,12 +153,24 @@ impl State {
 
     /// Adds the spikes of a pixel in this block; there is at least one.
     fn add_pixel(&mut self, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
-        let history = &self.history[p * self.depth..(p + 1) * self.depth];
+        let known = self.result.pixels[p].spikes as usize;
         // One more than the history, so that the reference is known as well.
-        let full = self.result.pixels[p].spikes as usize > self.depth;
+        if known > self.depth {
+            return self.add_known(p, words, start);
+        }
+        let (early, late) = decode::split(words, self.depth + 1 - known);
+        self.add_exact(p, &early, start);
+        if late.iter().any(|w| *w != 0) {
+            self.add_known(p, &late, start);
+        }
+    }
+
+    /// Adds spikes of a pixel whose history is full.
+    fn add_known(&mut self, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
         // The span from the oldest time of the history to the end of the block.
-        let shift = start - if full { history[0] } else { start };
-        if full && shift + CAPACITY as u32 <= self.span_limit {
+        let shift = start.wrapping_sub(self.history[p * self.depth]);
+        // A history that ends within the block begins after its start, and the difference is small and negative.
+        if shift.wrapping_add(CAPACITY as u32) <= self.span_limit {
             self.add_fast(p, words, shift as i16);
         } else {
             self.add_exact(p, words, start);

@@ -104,17 +104,24 @@ impl Intervals {
     #[must_use]
     pub fn decompose(&self, pixels: Option<&[usize]>) -> PhaseNoise {
         PhaseNoise {
-            per_spike: self.mean(pixels, |p| self.pixel_noise(p)[0]),
-            constant: self.mean(pixels, |p| self.pixel_noise(p)[1]),
+            per_spike: self.mean(pixels, |p| self.pixel_noise(p, SHORTEST_FITTED)[0]),
+            constant: self.mean(pixels, |p| self.pixel_noise(p, SHORTEST_FITTED)[1]),
         }
     }
 
+    /// Growth per spike of one pixel as in [`Self::decompose`], from the lag `shortest` on; NaN with
+    /// fewer than two usable lags.
+    #[must_use]
+    pub fn growth(&self, p: usize, shortest: u32) -> f64 {
+        self.pixel_noise(p, shortest)[0]
+    }
+
     /// Normal equations of `D(n) = s a_n + q b_n` over the lags of a pixel.
-    fn pixel_noise(&self, p: usize) -> [f64; 2] {
+    fn pixel_noise(&self, p: usize, shortest: u32) -> [f64; 2] {
         let (intervals, _) = self.span(p);
         let (mut aa, mut ab, mut bb, mut ad, mut bd) = (0.0, 0.0, 0.0, 0.0, 0.0);
         let mut used = 0;
-        let from = self.lags.partition_point(|lag| *lag < SHORTEST_FITTED);
+        let from = self.lags.partition_point(|lag| *lag < shortest);
         for (index, lag) in self.lags.iter().enumerate().skip(from) {
             // Lags near the whole stream have few, dependent terms.
             if 2 * lag > intervals {
