@@ -73,7 +73,7 @@ const CATALOGUE: &[Entry] = entries! {
     "repeated_readouts": amplitude("probability", (0.0, 0.2), &[0.001, 0.01]);
     "saturation_clamp": amplitude("largest_charge", (1.0, 2.0), &[1.7, 1.3]);
     "dark_tail": deviation("log_sigma", (0.0, 1.5), &[0.2, 0.5]);
-    "gain_dark_correlation": amplitude("correlation", (-1.0, 1.0), &[0.15, -0.15]);
+    "gain_dark_correlation": amplitude("correlation", (-1.0, 1.0), &[0.3, -0.3]);
     "edge_columns": amplitude("factor", (0.3, 3.0), &[1.02, 1.1]);
 };
 

@@ -23,6 +23,9 @@ const REDRAWN: usize = 120;
 /// Simulations for a derivative.
 const DERIVATIVE: usize = 8;
 
+/// Simulations of the half that judges, where one set is cut in two.
+const HALVES: usize = 24;
+
 /// Simulations of a candidate's signature.
 const SIGNATURE: usize = 2;
 
@@ -182,6 +185,13 @@ impl Reference {
         let each: Vec<DVector<f64>> =
             (0..count.min(FIXED)).into_par_iter().map(one).collect::<Result<_>>()?;
         Ok(Means { mean: self.controlled(&each), each })
+    }
+
+    /// Mean vector of a fitted model under another protocol of as many statistics: the other half of the recordings.
+    pub(super) fn mean_under(&self, setup: &Setup, model: &Model, u: &[f64]) -> Result<DVector<f64>> {
+        let sample = model.sample(u, &[], setup.scenes.len())?;
+        let one = |i: usize| Ok(DVector::from_vec(setup.values(&sample, self.seed + i as u64)?));
+        Ok(average(&(0..HALVES).into_par_iter().map(one).collect::<Result<Vec<_>>>()?))
     }
 
     fn controlled(&self, each: &[DVector<f64>]) -> DVector<f64> {

@@ -7,8 +7,9 @@ use nalgebra::DVector;
 use super::candidates::Candidate;
 use super::model::published;
 use super::outcome::{Diagnosis, outcome};
+use super::picture::pictures;
 use super::reference::{Progress, Reference, Signature};
-use super::search::search;
+use super::search::{Judge, search};
 use super::setup::{Measured, Part, Setup};
 use super::time::{line, power};
 use crate::calibrate::{self, Calibration, Light, RecordingSet, Scene as Pattern};
@@ -72,9 +73,13 @@ pub fn diagnose(
     let measured = setup.measure(set)?;
     let data = DVector::from_vec(measured.values.clone());
     let held = DVector::from_vec(other.measure(holdout.unwrap_or(set))?.values);
+    let judge = Judge { data: &held, setup: (first != second).then_some(&other) };
     let signatures = with_line(reference, &setup, &measured)?;
-    let mut found = search(reference, &signatures, &data, &held, progress)?;
+    let mut found = search(reference, &signatures, &data, &judge, progress)?;
     let mut diagnosis = outcome(reference, &mut found, &data, options.camera.is_some())?;
+    progress("pictures", 0.95);
+    let last = (&found.fit.model, found.fit.u.as_slice());
+    diagnosis.traces.pictures = pictures(reference, set, &measured.scans, last)?;
     if holdout.is_none() && alone {
         diagnosis
             .notes
