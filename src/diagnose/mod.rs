@@ -21,6 +21,7 @@ mod outcome;
 mod own;
 mod page;
 mod picture;
+mod rebase;
 mod reference;
 mod run;
 mod scan;

@@ -143,7 +143,7 @@ pub(super) fn outcome(
     reference: &Reference,
     found: &mut Found,
     data: &nalgebra::DVector<f64>,
-    with_camera: bool,
+    given: Option<&Camera>,
 ) -> Result<Diagnosis> {
     let off = data - &found.own.mean;
     let moved = found.own.metric.fit(&off);
@@ -187,8 +187,8 @@ pub(super) fn outcome(
         let resembles = found.left && share.min(whole) < 0.5;
         effects.push(FoundEffect { name, parameters, tied_with, resembles, evidence });
     }
-    if with_camera {
-        misfits.extend(base_misfits(reference, found));
+    if let Some(given) = given {
+        misfits.extend(base_misfits(reference, found, given));
     }
     let named = !misfits.is_empty() || effects.iter().any(|e| !e.resembles);
     let verdict = match (found.left, named) {
@@ -231,13 +231,17 @@ fn ties(round: Option<&Round>) -> Vec<&'static str> {
 }
 
 /// Numbers of the given camera that the fit moved.
-fn base_misfits(reference: &Reference, found: &Found) -> Vec<Misfit> {
+fn base_misfits(reference: &Reference, found: &Found, given: &Camera) -> Vec<Misfit> {
     let of_knob = |j: usize| {
         let (knob, u, sd) = (found.fit.model.knobs[j], found.fit.u[j], found.own.deviations[j]);
         let p = parameter(knob, u, INTERVAL * sd);
-        (u.abs() > 3.5 * sd && u.abs() > WORTH).then(|| Misfit {
+        let model = given.effect(knob.effect).and_then(|e| e.get(knob.key).ok()).unwrap_or(knob.centre);
+        let off = (p.value - model).abs();
+        // A deviation that is as large as the number says nothing about it.
+        let told = off > 3.5 * sd * knob.unit && sd * knob.unit < 0.3 * model.abs();
+        (told && off > WORTH * model.abs()).then(|| Misfit {
             parameter: format!("{}.{}", knob.effect, knob.key),
-            model: knob.value(0.0),
+            model,
             fitted: p.value,
             low: p.low,
             high: p.high,

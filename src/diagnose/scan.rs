@@ -45,6 +45,8 @@ pub(super) struct Scan {
     pub neighbours: [f64; 4],
     /// Sum of the deviations of intervals that end at a readout, in readouts, and their number.
     pub deviations: Vec<[f64; 2]>,
+    /// Relative difference of pixels side by side; of still scenes only.
+    pub contrast: f64,
 }
 
 /// Scans packed frames; `dim` recordings have every interval looked at, and the halves of rows where asked for.
@@ -79,6 +81,7 @@ pub(super) fn scan(frames: Packed<'_>, dim: bool, rows_too: bool) -> Scan {
         pixels,
         totals,
         deviations,
+        contrast: 0.0,
     }
 }
 

@@ -19,6 +19,9 @@ const DIM: f64 = 0.25;
 /// Fewest readouts of a recording that can be judged.
 const FEWEST: usize = 256;
 
+/// Most pixels of a still scene that are simulated: some 20,000 tell temporal noise to a per cent.
+pub const LARGEST: usize = 20_000;
+
 /// One recording: what stood in front of the camera, and when.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
@@ -90,6 +93,8 @@ pub struct Setup {
     pub scenes: Vec<Scene>,
     /// Whether rate maps stand in place of recordings.
     pub maps: bool,
+    /// First row and rows that are looked at, where a still scene is larger than [`LARGEST`].
+    pub band: Option<(usize, usize)>,
 }
 
 /// A camera and how far each scene's light is off: factors near one.
@@ -144,7 +149,27 @@ impl Setup {
             scenes.push(Scene { name, light: recording.light, readouts, skip, still });
         }
         let maps = scenes.is_empty() && set.rate_maps.len() >= 2;
-        Ok(Self { geometry, readout_hz: set.readout_hz, scenes, maps })
+        let setup = Self { geometry, readout_hz: set.readout_hz, scenes, maps, band: None };
+        setup.cut_to_band()
+    }
+
+    /// A large still scene cut to the rows that hold most of its even surface.
+    fn cut_to_band(mut self) -> Result<Self> {
+        let (width, height) = (self.geometry.width(), self.geometry.height());
+        // Rows in eights begin on whole bytes.
+        let rows = (LARGEST / width / 8 * 8).max(8);
+        let Some(still) = self.scenes.iter().find_map(|s| s.still.as_ref()) else { return Ok(self) };
+        if height <= rows {
+            return Ok(self);
+        }
+        let starts = (0..=height - rows).step_by(8);
+        let first = starts.max_by_key(|r| still.even_in(r * width..(r + rows) * width)).unwrap_or(0);
+        self.geometry = Geometry::new(width as u32, rows as u32)?;
+        self.band = Some((first, rows));
+        for still in self.scenes.iter_mut().filter_map(|s| s.still.as_mut()) {
+            still.cut(first * width..(first + rows) * width);
+        }
+        Ok(self)
     }
 
     /// Reads and measures the recordings.
@@ -172,9 +197,13 @@ impl Setup {
     }
 
     fn part(&self, set: &RecordingSet, recording: &Recording, scene: &Scene) -> Result<Vec<u8>> {
-        let mut bytes = vec![0; scene.readouts * self.geometry.frame_bytes()];
-        set.reader(recording)?.read_frames(scene.skip, &mut bytes)?;
-        Ok(bytes)
+        let reader = set.reader(recording)?;
+        let whole = reader.geometry().frame_bytes();
+        let mut bytes = vec![0; scene.readouts * whole];
+        reader.read_frames(scene.skip, &mut bytes)?;
+        let Some((first, _)) = self.band else { return Ok(bytes) };
+        let (from, own) = (first * self.geometry.width() / 8, self.geometry.frame_bytes());
+        Ok(bytes.chunks_exact(whole).flat_map(|f| &f[from..from + own]).copied().collect())
     }
 
     /// The entries of the vector.

@@ -61,6 +61,7 @@ pub(super) fn vector(setup: &Setup, scans: &[Scan]) -> Vector {
         }
         stability(&mut v, k, scan, scene.constant());
         if scene.still.is_some() {
+            v.push(k, "pixels side by side, spread of rates", ln(scan.contrast), 5e-3);
             // Totals and neighbours belong to the scene as well.
             continue;
         }
