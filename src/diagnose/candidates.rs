@@ -80,6 +80,19 @@ const CATALOGUE: &[Entry] = entries! {
 /// Effects whose numbers belong to the base model: another value is a misfit of it.
 pub(super) const MISFITS: [&str; 1] = ["dead_time"];
 
+/// What a still scene of unknown light cannot tell from the scene.
+pub(super) const OF_THE_SCENE: [&str; 9] = [
+    "vignetting",
+    "edge_columns",
+    "column_pattern",
+    "row_pattern",
+    "smooth_prnu",
+    "crosstalk",
+    "response_nonlinearity",
+    "gain_dark_correlation",
+    "dead_time",
+];
+
 /// An effect with the knobs that it adds and a position to try.
 #[derive(Clone, Debug)]
 pub(super) struct Candidate {

@@ -115,6 +115,17 @@ impl Fit {
         next
     }
 
+    /// With its numbers moved, as far as they are trusted.
+    pub fn moved(&self, by: &DVector<f64>) -> Self {
+        let mut next = self.clone();
+        for j in 0..next.u.len() {
+            let knob = next.model.knobs[j];
+            let most = if j < self.base_knobs() { 0.3 } else { trust(knob.scale, self.u[j]) };
+            next.u[j] = knob.clamped(self.u[j] + by[j].clamp(-most, most));
+        }
+        next
+    }
+
     /// Directions that the data have been fitted along: base knobs and effects' knobs.
     pub fn directions(&self, reference: &Reference) -> DMatrix<f64> {
         let (rows, base, own) = (self.mean.len(), reference.jacobian.ncols(), self.jacobian.ncols());

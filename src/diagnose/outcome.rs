@@ -150,7 +150,7 @@ pub(super) fn outcome(
     for j in 0..found.fit.u.len() {
         let knob = found.fit.model.knobs[j];
         // The last, small step that the linear fit still asks for.
-        let most = (3.0 * found.own.deviations[j]).max(0.2);
+        let most = 2.0 * found.own.deviations[j];
         found.fit.u[j] = knob.clamped(found.fit.u[j] + moved[j].clamp(-most, most));
     }
     let interval = |j: usize| {
@@ -251,12 +251,18 @@ fn base_misfits(reference: &Reference, found: &Found, given: &Camera) -> Vec<Mis
     (0..reference.model.knobs.len()).filter_map(of_knob).collect()
 }
 
+/// The last part of a recording's path.
+fn file_name(path: &str) -> String {
+    let last = std::path::Path::new(path).file_name();
+    last.map_or_else(|| path.to_owned(), |name| name.to_string_lossy().into_owned())
+}
+
 impl Reference {
     /// A statistic in words.
     pub(super) fn words(&self, i: usize) -> (String, String) {
         let s = &self.statistics[i];
         let place =
-            s.recording.map_or_else(|| "fitted maps".to_owned(), |k| self.setup.scenes[k].name.clone());
+            s.recording.map_or_else(|| "fitted maps".to_owned(), |k| file_name(&self.setup.scenes[k].name));
         (s.name.to_owned(), place)
     }
 }

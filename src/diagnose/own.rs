@@ -14,7 +14,7 @@ use crate::error::Result;
 
 /// Simulations with redrawn numbers, and of the mean.
 const MANY: usize = 30;
-const MEAN: usize = 16;
+const MEAN: usize = 12;
 
 /// What simulations of the fitted model itself look like.
 pub(super) struct Own {
@@ -60,7 +60,7 @@ impl Reference {
     /// The fitted model judged by itself: its numbers redrawn from their posterior.
     pub(super) fn own(&self, fit: &mut Fit, data: &DVector<f64>) -> Result<Own> {
         self.evaluate(fit, data, MEAN)?;
-        self.derive(fit, SOME)?;
+        self.derive(fit, SOME / 2)?;
         let redrawn = self.redrawn(fit)?;
         let mean = fit.mean.clone();
         let each: Vec<DVector<f64>> = redrawn.iter().map(|r| r.vector.clone()).collect();

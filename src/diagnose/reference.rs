@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::candidates::{Candidate, candidates};
+use super::candidates::{Candidate, OF_THE_SCENE, candidates};
 use super::metric::{Metric, Noise, noise};
 use super::model::{LAMP, Model};
 use super::setup::Setup;
@@ -112,8 +112,12 @@ impl Reference {
         residuals.extend(first);
         let full = noise(&residuals, &floors)?.with_columns(&lamps)?;
         let metric = Metric::new(&full, jacobian.clone());
-        let (all, missing) =
+        let (mut all, mut missing) =
             candidates(&model.camera, setup.scenes.iter().map(|s| s.skip + s.readouts).max().unwrap_or(1));
+        if setup.only_still() {
+            missing.extend(OF_THE_SCENE);
+            all.retain(|c| !OF_THE_SCENE.contains(&c.name));
+        }
         progress("signatures", 0.8);
         let mut reference = Self {
             limits: Limits { misfit: 0.0, deviation: 0.0, score: 0.0 },

@@ -28,8 +28,8 @@ const FINAL: usize = 3;
 const PROMISING: f64 = 0.45;
 
 /// Simulations of a mean: in the tournament, and in its second leg.
-const FEW: usize = 3;
-pub(super) const SOME: usize = 8;
+const FEW: usize = 2;
+pub(super) const SOME: usize = 6;
 
 /// Fall of the held-out deviance below which a name is not kept: three deviations of one number.
 const BETTER: f64 = 9.0;
@@ -37,6 +37,10 @@ const BETTER: f64 = 9.0;
 /// Share of the excess below which the best name explains too little for another one to be tried:
 /// of three effects of equal strength the first explains a third.
 const LIKENESS: f64 = 0.2;
+
+/// Share of the first excess that a further effect must explain: an approximate signature of a strong
+/// effect leaves that much.
+const REMAINDER: f64 = 0.001;
 
 /// A candidate that was fitted beside the winner.
 #[derive(Clone, Debug)]
@@ -119,7 +123,10 @@ pub(super) fn search(
         progress(round.winner, (fit.effects.len() + turned_down.len()) as f64 / ROUNDS as f64);
         let after = judge.off(reference, &next)?;
         let (b, a) = (fit.deviance_of(&off), next.deviance_of(&after));
-        let accepted = b - a > BETTER + 0.02 * b.clamp(0.0, 1e4) / (1.0 + fit.effects.len() as f64);
+        let accepted = b - a
+            > BETTER
+                + 0.02 * b.clamp(0.0, 1e4) / (1.0 + fit.effects.len() as f64)
+                + REMAINDER * (heldout[0] - own.floor).max(0.0);
         if !accepted {
             turned_down.push(round.winner);
         }
@@ -128,7 +135,7 @@ pub(super) fn search(
             continue;
         }
         fit = next;
-        own = reference.own(&mut fit, data)?;
+        own = reference.converged(&mut fit, data)?;
         off = judge.off(reference, &fit)?;
         train.push(fit.misfit);
         heldout.push(reference.metric.square(&off));
@@ -174,11 +181,11 @@ impl Reference {
             return Ok(None);
         }
         let enter =
-            |(scale, s): &(f64, &Signature)| self.refine(fit.with(&s.candidate, *scale), data, 3, FEW);
+            |(scale, s): &(f64, &Signature)| self.refine(fit.with(&s.candidate, *scale), data, 2, FEW);
         let mut fits = entrants.par_iter().map(enter).collect::<Result<Vec<_>>>()?;
         fits.sort_by(|a, b| a.price().total_cmp(&b.price()));
         // Near the front, once more and with less noise.
-        let front = fits[0].price() + 0.1 * (fit.price() - fits[0].price()).max(0.0) + 40.0;
+        let front = fits[0].price() + 0.07 * (fit.price() - fits[0].price()).max(0.0) + 40.0;
         let (close, far): (Vec<Fit>, Vec<Fit>) = fits
             .into_iter()
             .enumerate()
@@ -191,7 +198,7 @@ impl Reference {
                 }
                 (close, far)
             });
-        let again = close.into_par_iter().map(|f| self.refine(f, data, 2, SOME));
+        let again = close.into_par_iter().map(|f| self.refine(f, data, 3, SOME));
         let mut fits = again.collect::<Result<Vec<_>>>()?;
         fits.sort_by(|a, b| a.price().total_cmp(&b.price()));
         let best = fits.swap_remove(0);
@@ -238,6 +245,24 @@ impl Reference {
         entrants
     }
 
+    /// The fitted model judged by itself, once more where its own noise asks for other numbers.
+    fn converged(&self, fit: &mut Fit, data: &DVector<f64>) -> Result<Own> {
+        let own = self.own(fit, data)?;
+        let moved = own.metric.fit(&(data - &own.mean));
+        let base = self.model.knobs.len();
+        let far = (base..fit.u.len()).any(|j| moved[j].abs() > own.deviations[j]);
+        if !far {
+            return Ok(own);
+        }
+        let mut next = self.refine(fit.moved(&moved), data, 2, 2 * SOME)?;
+        if next.cost > fit.cost {
+            return Ok(own);
+        }
+        let again = self.own(&mut next, data)?;
+        *fit = next;
+        Ok(again)
+    }
+
     /// Drops effects whose amplitude is within three deviations of none.
     fn eliminate(
         &self,
@@ -246,14 +271,20 @@ impl Reference {
         rounds: &mut Vec<Round>,
         data: &DVector<f64>,
     ) -> Result<()> {
-        let weak = (0..fit.effects.len()).find(|e| {
-            let j = fit.knobs_of(*e).start;
-            fit.u[j].abs() < 3.0 * own.deviations[j]
-        });
-        let Some(weak) = weak else { return Ok(()) };
-        let name = fit.effects[weak].0;
-        let mut without = self.refine(fit.without(weak), data, 2, SOME)?;
-        if without.cost < fit.cost + 12.0 {
+        let strength = |fit: &Fit, own: &Own, e: usize| {
+            let j = fit.knobs_of(e).start;
+            fit.u[j].abs() / own.deviations[j]
+        };
+        for _ in 1..fit.effects.len() {
+            let weakest =
+                (0..fit.effects.len()).map(|e| (strength(fit, own, e), e)).min_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((deviations, weak)) = weakest.filter(|w| w.0 < 3.0) else { break };
+            let name = fit.effects[weak].0;
+            let mut without = self.refine(fit.without(weak), data, 2, SOME)?;
+            // An interval that holds zero is no evidence, whatever the misfit gains.
+            if deviations > 2.0 && without.cost > fit.cost + 12.0 {
+                break;
+            }
             *own = self.own(&mut without, data)?;
             rounds.retain(|r| r.winner != name);
             *fit = without;
@@ -292,7 +323,7 @@ impl Reference {
             if best.price() + 4.0 > fit.price() || held(&best)? > held(fit)? {
                 continue;
             }
-            *own = self.own(&mut best, data)?;
+            *own = self.converged(&mut best, data)?;
             let new = best.effects.last().map_or(name, |e| e.0);
             if let Some(round) = rounds.iter_mut().find(|r| r.accepted && r.winner == name) {
                 (round.winner, round.mean) = (new, best.mean.clone());

@@ -153,6 +153,11 @@ impl Setup {
         setup.cut_to_band()
     }
 
+    /// Whether still scenes are all that there is.
+    pub(super) fn only_still(&self) -> bool {
+        !self.scenes.is_empty() && self.scenes.iter().all(|s| s.still.is_some())
+    }
+
     /// A large still scene cut to the rows that hold most of its even surface.
     fn cut_to_band(mut self) -> Result<Self> {
         let (width, height) = (self.geometry.width(), self.geometry.height());

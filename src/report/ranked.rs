@@ -53,18 +53,22 @@ pub fn ranked(axis: &str, series: &[&str], rows: &[Row], mark: Option<(f64, &str
                 .map_err(failed)
         };
         let centred = text(13).pos(Pos::new(HPos::Center, VPos::Top));
-        let powers = (0..9).map(|k| 10_f64.powi(k));
-        for tick in powers.clone().map(|p| -p).chain([0.0]).chain(powers) {
-            if bent(tick) < low || bent(tick) > high {
+        let steps = (0..9).flat_map(|k| [1.0, 2.0, 5.0].map(|m: f64| m * 10_f64.powi(k)));
+        let mut ticks: Vec<f64> = steps.clone().map(|t| -t).chain([0.0]).chain(steps).collect();
+        ticks.retain(|t| bent(*t) >= low && bent(*t) <= high);
+        // Zero and powers of ten first, and others where there is room for them.
+        let rank = |t: f64| if t == 0.0 { 0 } else { 1 + u8::from(t.abs().log10().fract() != 0.0) };
+        ticks.sort_by_key(|t| rank(*t));
+        let mut taken: Vec<i32> = Vec::new();
+        for tick in ticks {
+            let x = place(tick);
+            if taken.iter().any(|t| (t - x).abs() < 44) {
                 continue;
             }
-            let x = place(tick);
+            taken.push(x);
             line(x, if tick == 0.0 { GREY } else { LIGHT })?;
-            // Small ones stand too close together.
-            if tick == 0.0 || tick.abs() > 5.0 {
-                let shown = if tick.abs() < 1e5 { format!("{tick}") } else { format!("{tick:e}") };
-                root.draw(&Text::new(shown, (x, bottom + 4), centred.clone())).map_err(failed)?;
-            }
+            let shown = if tick.abs() < 1e5 { format!("{tick}") } else { format!("{tick:e}") };
+            root.draw(&Text::new(shown, (x, bottom + 4), centred.clone())).map_err(failed)?;
         }
         root.draw(&Text::new(axis.to_owned(), ((NAMES + WIDTH - RIGHT) / 2, bottom + 24), centred.clone()))
             .map_err(failed)?;
