@@ -66,6 +66,8 @@ pub fn diagnose(
         }
         None => {
             let camera = match options.camera {
+                // Maps are all spread: what the base cannot hold would bend it.
+                Some(camera) if setup.maps => camera.clone(),
                 Some(camera) => {
                     progress("own numbers", 0.0);
                     rebased(&setup, camera, &data, options.seed)?
