@@ -80,8 +80,8 @@ const CATALOGUE: &[Entry] = entries! {
 /// Effects whose numbers belong to the base model: another value is a misfit of it.
 pub(super) const MISFITS: [&str; 1] = ["dead_time"];
 
-/// What a still scene of unknown light cannot tell from the scene.
-pub(super) const OF_THE_SCENE: [&str; 9] = [
+/// What a still scene of unknown light cannot tell from the scene, or from more or less light.
+pub(super) const OF_THE_SCENE: [&str; 18] = [
     "vignetting",
     "edge_columns",
     "column_pattern",
@@ -91,6 +91,15 @@ pub(super) const OF_THE_SCENE: [&str; 9] = [
     "response_nonlinearity",
     "gain_dark_correlation",
     "dead_time",
+    "leak",
+    "image_lag",
+    "spike_coupling",
+    "supply_droop",
+    "saturation_clamp",
+    "hot_pixels",
+    "dead_pixels",
+    "dark_tail",
+    "dark_shot_noise",
 ];
 
 /// An effect with the knobs that it adds and a position to try.
