@@ -36,7 +36,7 @@ mod vector;
 pub use nameable::{Nameable, SCORE};
 pub use outcome::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
 pub use page::page;
-pub use picture::Picture;
+pub use picture::{Picture, Trace};
 pub use reference::{Limits, Progress, Reference};
 pub use run::{Options, diagnose};
 pub use setup::{Part, Scene, Setup};

@@ -1,7 +1,7 @@
 //! The report: one page.
 
 use super::outcome::{Diagnosis, Verdict};
-use super::picture::Picture;
+use super::picture::{Picture, Trace};
 use crate::error::Result;
 use crate::report::{Curve, Part, Row, Table, bars, curves, heat_map, page as render, ranked};
 
@@ -187,7 +187,7 @@ fn tournament(d: &Diagnosis) -> Result<Vec<Part>> {
 
 fn seen(pictures: &[(&'static str, Picture)]) -> Result<Vec<Part>> {
     let mut parts = Vec::new();
-    let curve = |of: fn(&Picture) -> &Option<(String, Vec<(f64, f64)>)>, log: bool| {
+    let curve = |of: fn(&Picture) -> &Option<Trace>, log: bool| {
         let bend = |p: &(f64, f64)| if log { (p.0.log10(), p.1.max(1e-6).log10()) } else { *p };
         let all: Vec<Curve<'_>> = pictures
             .iter()

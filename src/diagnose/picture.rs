@@ -17,6 +17,9 @@ const LONGEST: f64 = 2.0;
 /// Points of a spectrum, equally spaced in the frequency's logarithm.
 const POINTS: usize = 60;
 
+/// The name of a recording, and the points of a curve.
+pub type Trace = (String, Vec<(f64, f64)>);
+
 /// One set, seen.
 #[derive(Clone, Debug, Default)]
 pub struct Picture {
@@ -26,9 +29,9 @@ pub struct Picture {
     pub maps: Option<[Vec<f64>; 2]>,
     /// Name of the recording that the spectrum is of, with frequency in hertz and power over the one
     /// of independent pixels.
-    pub spectrum: Option<(String, Vec<(f64, f64)>)>,
+    pub spectrum: Option<Trace>,
     /// Name of the recording that the intervals are of, with length over the pixel's mean and share.
-    pub intervals: Option<(String, Vec<(f64, f64)>)>,
+    pub intervals: Option<Trace>,
 }
 
 /// Pictures of the data, of the base model and of the final one.
