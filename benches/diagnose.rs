@@ -1,28 +1,37 @@
 //! The blind study of `diagnose`: hidden sensors of which the library knows nothing, and what it says of them.
 //!
-//! `cargo bench --bench diagnose -- FOLDER [--nulls N] [--singles N] [--unknown N] [--doubles N]
-//! [--names A,B] [--minutes M]` adds sensors to FOLDER, one JSON file each, and leaves those alone that are there;
-//! with `--report FILE` it writes the tables of what is there.
+//! `cargo bench --bench diagnose -- FOLDER [--nulls N] [--singles N] [--unknown N] [--doubles N] [--triples N]
+//! [--names A,B] [--minutes M] [--profile]` adds sensors to FOLDER, one JSON file each, and leaves those alone that
+//! this version of the code has judged; `--report FILE` writes the tables of what is there, `--profile` prints the seconds
+//! of every phase, and `--large N` takes sets of 128x96 pixels and 10,000 readouts.
 
 #[path = "../tests/hidden_sensor/mod.rs"]
 mod hidden_sensor;
 #[path = "diagnose/report.rs"]
 mod report;
+#[path = "diagnose/version.rs"]
+mod version;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
-use hidden_sensor::{INSIDE, Kind, OUTSIDE, Physics, SMALL, Sensor, write_set};
+use hidden_sensor::{INSIDE, Kind, LARGE, OUTSIDE, Physics, SMALL, Sensor, Size, changes_bits, write_set};
 use serde_json::{Value, json};
 use spikelane::calibrate::RecordingSet;
-use spikelane::diagnose::{Diagnosis, Nameable, Options, Part, Reference, Setup, diagnose, published};
+use spikelane::diagnose::{Diagnosis, Options, Part, Reference, Setup, diagnose, published};
 
 /// Log-uniform strengths, in smallest nameable ones.
 const STRENGTHS: (f64, f64) = (2.0, 30.0);
 
+/// The smallest nameable strength of each effect.
+type Strengths = Vec<(String, f64)>;
+
 struct Args {
     folder: PathBuf,
-    counts: [usize; 4],
+    /// Clean sensors, and those with an effect, with one from outside, with two and with three effects.
+    counts: [usize; 5],
+    size: Size,
+    profile: bool,
     names: Vec<String>,
     minutes: f64,
     report: Option<PathBuf>,
@@ -31,7 +40,9 @@ struct Args {
 fn arguments() -> Args {
     let mut args = Args {
         folder: PathBuf::from("target/diagnosis"),
-        counts: [0; 4],
+        counts: [0; 5],
+        size: SMALL,
+        profile: false,
         names: Vec::new(),
         minutes: 1e9,
         report: None,
@@ -45,6 +56,9 @@ fn arguments() -> Args {
             "--singles" => args.counts[1] = next().parse().unwrap(),
             "--unknown" => args.counts[2] = next().parse().unwrap(),
             "--doubles" => args.counts[3] = next().parse().unwrap(),
+            "--triples" => args.counts[4] = next().parse().unwrap(),
+            "--profile" => args.profile = true,
+            "--large" => args.size = LARGE,
             "--names" => args.names = next().split(',').map(str::to_owned).collect(),
             "--minutes" => args.minutes = next().parse().unwrap(),
             "--report" => args.report = Some(PathBuf::from(next())),
@@ -80,17 +94,17 @@ fn main() {
     std::fs::create_dir_all(&args.folder).unwrap();
     let jobs = jobs(&args);
     let start = Instant::now();
-    let mut reference: Option<(Reference, Vec<Nameable>)> = None;
+    let mut reference: Option<(Reference, Strengths)> = None;
     for job in &jobs {
         let file = args.folder.join(format!("{}.json", job.id()));
-        if file.exists() {
+        if report::is_current(&file) {
             continue;
         }
         if start.elapsed().as_secs_f64() > 60.0 * args.minutes {
             break;
         }
-        let (shared, strengths) = reference.get_or_insert_with(|| shared(&args.folder));
-        let record = run(job, shared, strengths);
+        let (shared, strengths) = reference.get_or_insert_with(|| shared(&args));
+        let record = run(job, shared, strengths, &args);
         println!("{}", summary(&record));
         std::fs::write(&file, serde_json::to_string_pretty(&record).unwrap()).unwrap();
     }
@@ -100,7 +114,7 @@ fn main() {
 }
 
 fn jobs(args: &Args) -> Vec<Job> {
-    let [nulls, singles, unknown, doubles] = args.counts;
+    let [nulls, singles, unknown, doubles, triples] = args.counts;
     let chosen = |k: &&&'static Kind| {
         spikelane::effects::find(k.name).is_ok()
             && (args.names.is_empty() || args.names.iter().any(|n| n == k.name))
@@ -137,30 +151,73 @@ fn jobs(args: &Args) -> Vec<Job> {
                 jobs.push(Job { class: "double", kinds: vec![a, b], index });
             }
         }
+        if index < triples {
+            let pick = |salt: usize| inside[(index * 13 + salt * 7 + index * index) % inside.len()];
+            let kinds = vec![pick(0), pick(1), pick(2 + index % 2)];
+            if kinds[2].name != kinds[0].name {
+                jobs.push(Job { class: "triple", kinds, index });
+            }
+        }
     }
     jobs
 }
 
 /// The simulations that all sensors share: they have one protocol and one published model.
-fn shared(folder: &Path) -> (Reference, Vec<Nameable>) {
-    let start = Instant::now();
+fn shared(args: &Args) -> (Reference, Strengths) {
+    let folder = &args.folder;
     let clean = folder.join("protocol");
-    write_set(&Sensor::new(Physics::default(), SMALL.width, SMALL.height, 1), SMALL, 0, &clean);
+    let size = args.size;
+    write_set(&Sensor::new(Physics::default(), size.width, size.height, 1), size, 0, &clean);
     let set = RecordingSet::open(&clean.join("recordings.toml")).unwrap();
     let setup = Setup::of(&set, Part::Whole).unwrap();
     let camera = published(&setup).unwrap();
-    let reference = Reference::new(setup, camera, 1, &mut |_, _| {}).unwrap();
-    let nameable = reference.nameable();
+    let mut phases = Phases::new(args.profile);
+    let start = Instant::now();
+    let reference = Reference::new(setup, camera, 1, &mut |what, _| phases.enter(what)).unwrap();
     let seconds = start.elapsed().as_secs_f64();
+    phases.enter("nameable");
+    let file = folder.join("nameable.txt");
+    let version = version::digest();
+    let known = std::fs::read_to_string(&file).ok().and_then(|t| serde_json::from_str::<Value>(&t).ok());
+    if let Some(rows) = known.filter(|k| k["version"] == version.as_str()) {
+        let strengths = rows["nameable"].as_array().into_iter().flatten();
+        let strength = |n: &Value| Some((n["name"].as_str()?.to_owned(), n["strength"].as_f64()?));
+        std::fs::remove_dir_all(&clean).unwrap();
+        return (reference, strengths.filter_map(strength).collect());
+    }
+    let nameable = reference.nameable();
+    phases.enter("");
     println!("reference in {seconds:.1} s, limits {:?}", reference.limits);
     let table: Vec<Value> = nameable.iter().map(|n| serde_json::to_value(n).unwrap()).collect();
     for n in &nameable {
         println!("  {:<24} {} {:.3e}, like {} ({:+.2})", n.name, n.key, n.strength, n.nearest, n.alike);
     }
-    let whole = json!({ "seconds": seconds, "nameable": table });
-    std::fs::write(folder.join("reference.txt"), serde_json::to_string_pretty(&whole).unwrap()).unwrap();
+    let whole = json!({ "version": version, "seconds": seconds, "nameable": table });
+    std::fs::write(&file, serde_json::to_string_pretty(&whole).unwrap()).unwrap();
     std::fs::remove_dir_all(&clean).unwrap();
-    (reference, nameable)
+    (reference, nameable.into_iter().map(|n| (n.name.to_owned(), n.strength)).collect())
+}
+
+/// Prints how long each phase took, if asked to.
+struct Phases {
+    on: bool,
+    now: Option<(String, Instant)>,
+}
+
+impl Phases {
+    fn new(on: bool) -> Self {
+        Self { on, now: None }
+    }
+
+    fn enter(&mut self, what: &str) {
+        if self.now.as_ref().is_some_and(|n| n.0 == what) {
+            return;
+        }
+        if let (true, Some((before, since))) = (self.on, &self.now) {
+            println!("    {before:<24} {:.2} s", since.elapsed().as_secs_f64());
+        }
+        self.now = (!what.is_empty()).then(|| (what.to_owned(), Instant::now()));
+    }
 }
 
 fn uniform(seed: u64, place: u64) -> f64 {
@@ -171,37 +228,45 @@ fn uniform(seed: u64, place: u64) -> f64 {
     (z ^ (z >> 31)) as f64 / u64::MAX as f64
 }
 
-fn run(job: &Job, reference: &Reference, nameable: &[Nameable]) -> Value {
-    let seed = job.seed();
+fn run(job: &Job, reference: &Reference, nameable: &Strengths, args: &Args) -> Value {
+    let (seed, size) = (job.seed(), args.size);
+    let mut phases = Phases::new(args.profile);
+    phases.enter("hidden sensor");
     let mut physics = Physics::default();
     let mut hidden = Vec::new();
     for (i, kind) in job.kinds.iter().enumerate() {
         let u = |k: u64| uniform(seed, 10 * i as u64 + k);
-        let smallest = nameable.iter().find(|n| n.name == kind.name).map(|n| n.strength);
+        let smallest = nameable.iter().find(|n| n.0 == kind.name).map(|n| n.1);
         let wanted = match smallest {
             Some(s) => s * STRENGTHS.0 * (STRENGTHS.1 / STRENGTHS.0).powf(u(0)),
             None => kind.largest * 0.1_f64.powf(u(0)),
         };
         let strength = wanted.min(kind.largest);
         (kind.set)(&mut physics, strength, [u(1), u(2), u(3)]);
-        hidden.push(json!({ "name": kind.name, "strength": strength, "nameable": smallest }));
+        let mut alone = Physics::default();
+        (kind.set)(&mut alone, strength, [u(1), u(2), u(3)]);
+        let changes = changes_bits(&alone, size, seed);
+        hidden.push(
+            json!({ "name": kind.name, "strength": strength, "nameable": smallest, "changes_bits": changes }),
+        );
     }
-    let sensor = Sensor::new(physics, SMALL.width, SMALL.height, seed);
+    let sensor = Sensor::new(physics, size.width, size.height, seed);
     let folder = std::env::temp_dir().join(format!("spikelane-study-{}", std::process::id()));
     let sets = [0, 1].map(|take| {
         let path = folder.join(format!("take{take}"));
-        write_set(&sensor, SMALL, take, &path);
+        write_set(&sensor, size, take, &path);
         RecordingSet::open(&path.join("recordings.toml")).unwrap()
     });
     let options = Options { camera: None, reference: Some(reference), seed: 1 };
-    let found = diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {});
+    let found = diagnose(&sets[0], Some(&sets[1]), options, &mut |what, _| phases.enter(what));
+    phases.enter("");
     std::fs::remove_dir_all(&folder).unwrap();
     let said = match &found {
         Ok(diagnosis) => serde_json::to_value(diagnosis).unwrap(),
         Err(error) => json!({ "error": error.to_string() }),
     };
     let score = score(&job.kinds, found.as_ref().ok());
-    json!({ "id": job.id(), "class": job.class, "hidden": hidden, "score": score, "said": said })
+    json!({ "version": version::digest(), "id": job.id(), "class": job.class, "hidden": hidden, "score": score, "said": said })
 }
 
 /// Names that were said (without those that are likenesses), with their ties.

@@ -101,11 +101,24 @@ fn covers(record: &Value, name: &str) -> Option<bool> {
     Some(held(truth) || signed.contains(&name) && held(-truth))
 }
 
+fn read(path: &Path) -> Option<Value> {
+    serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()
+}
+
+/// Whether a file holds what this version of the code said.
+pub fn is_current(path: &Path) -> bool {
+    read(path).is_some_and(|r| r["version"] == super::version::digest())
+}
+
+/// What this version of the code said; records of other versions are left out.
 fn records(folder: &Path) -> Vec<Value> {
     let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
     files.sort();
-    let json = files.iter().filter(|p| p.extension().is_some_and(|e| e == "json"));
-    json.map(|p| serde_json::from_str(&std::fs::read_to_string(p).unwrap()).unwrap()).collect()
+    files
+        .iter()
+        .filter(|p| p.extension().is_some_and(|e| e == "json") && is_current(p))
+        .filter_map(|p| read(p))
+        .collect()
 }
 
 /// Replaces what lies between the marks of the page, or makes the page.
@@ -125,7 +138,8 @@ fn tables(records: &[Value]) -> String {
     nulls(&mut text, &of("null"));
     singles(&mut text, &of("single"));
     outside(&mut text, &of("outside"));
-    doubles(&mut text, &of("double"));
+    several(&mut text, "Two effects at once", &of("double"));
+    several(&mut text, "Three effects at once", &of("triple"));
     let seconds: Vec<f64> = records.iter().filter_map(|r| r["said"]["seconds"].as_f64()).collect();
     let longest = seconds.iter().copied().fold(0.0, f64::max);
     let mean = seconds.iter().sum::<f64>() / seconds.len().max(1) as f64;
@@ -202,14 +216,14 @@ fn outside(text: &mut String, all: &[&Value]) {
     text.push('\n');
 }
 
-fn doubles(text: &mut String, all: &[&Value]) {
+fn several(text: &mut String, title: &str, all: &[&Value]) {
     let number = |r: &Value, key: &str| r["score"][key].as_u64().unwrap_or(0) as usize;
     let hidden: usize = all.iter().map(|r| r["hidden"].as_array().map_or(0, Vec::len)).sum();
     let found: usize = all.iter().map(|r| number(r, "tied")).sum();
     let wrong: usize = all.iter().map(|r| r["score"]["wrong"].as_array().map_or(0, Vec::len)).sum();
     writeln!(
         text,
-        "### Two effects at once\n\n{} ran, with {hidden} effects; {found} found (exact or tied), {wrong} names wrong.\n",
+        "### {title}\n\n{} ran, with {hidden} effects; {found} found (exact or tied), {wrong} names wrong.\n",
         all.len()
     )
     .unwrap();

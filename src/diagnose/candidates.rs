@@ -73,12 +73,34 @@ const CATALOGUE: &[Entry] = entries! {
     "repeated_readouts": amplitude("probability", (0.0, 0.2), &[0.001, 0.01]);
     "saturation_clamp": amplitude("largest_charge", (1.0, 2.0), &[1.7, 1.3]);
     "dark_tail": deviation("log_sigma", (0.0, 1.5), &[0.2, 0.5]);
-    "gain_dark_correlation": amplitude("correlation", (-1.0, 1.0), &[0.15, -0.15]);
+    "gain_dark_correlation": amplitude("correlation", (-1.0, 1.0), &[0.3, -0.3]);
     "edge_columns": amplitude("factor", (0.3, 3.0), &[1.02, 1.1]);
 };
 
 /// Effects whose numbers belong to the base model: another value is a misfit of it.
 pub(super) const MISFITS: [&str; 1] = ["dead_time"];
+
+/// What a still scene of unknown light cannot tell from the scene, or from more or less light.
+pub(super) const OF_THE_SCENE: [&str; 18] = [
+    "vignetting",
+    "edge_columns",
+    "column_pattern",
+    "row_pattern",
+    "smooth_prnu",
+    "crosstalk",
+    "response_nonlinearity",
+    "gain_dark_correlation",
+    "dead_time",
+    "leak",
+    "image_lag",
+    "spike_coupling",
+    "supply_droop",
+    "saturation_clamp",
+    "hot_pixels",
+    "dead_pixels",
+    "dark_tail",
+    "dark_shot_noise",
+];
 
 /// An effect with the knobs that it adds and a position to try.
 #[derive(Clone, Debug)]

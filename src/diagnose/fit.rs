@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::candidates::Candidate;
-use super::metric::Metric;
+use super::metric::{Metric, Noise};
 use super::model::{Model, Scale};
 use super::reference::{Reference, average};
 use crate::error::Result;
@@ -20,9 +20,37 @@ pub(super) struct Fit {
     pub each: Vec<DVector<f64>>,
     /// Changes per unit of the effects' knobs.
     pub jacobian: DMatrix<f64>,
-    /// Squared distance to the data, calibration projected out.
+    /// Squared distance to the data by the first null's noise, calibration projected out.
     pub misfit: f64,
+    /// What the model's own simulations stray, where that is more than the null's.
+    likelihood: Likelihood,
+    /// [`Likelihood::deviance`] of the data.
+    pub cost: f64,
 }
+
+/// The noise of a fitted model. Rare events and strong noise make sets differ that the null would
+/// call far apart; a model is judged by how likely *it* makes the data.
+#[derive(Clone, Debug)]
+struct Likelihood {
+    metric: Metric,
+    noise: Noise,
+    /// Logarithm of the noise's determinant over the null's.
+    spread: f64,
+}
+
+impl Likelihood {
+    /// Twice the negative logarithm of the likelihood, less a constant.
+    fn deviance(&self, off: &DVector<f64>) -> f64 {
+        self.metric.square(off) + self.spread
+    }
+}
+
+/// Simulations that the null's variances count for beside a model's own few.
+const PRIOR: f64 = 10.0;
+
+/// Ratio of variances from which on a model's own are believed: three deviations of a ratio of one
+/// with [`PRIOR`] and eight simulations.
+const WIDER: f64 = 1.6;
 
 impl Fit {
     /// The base model.
@@ -36,7 +64,23 @@ impl Fit {
             each: reference.baseline.clone(),
             jacobian: DMatrix::zeros(data.len(), 0),
             misfit: reference.metric.square(&off),
+            cost: reference.metric.square(&off),
+            likelihood: Likelihood {
+                metric: reference.metric.clone(),
+                noise: reference.noise.clone(),
+                spread: 0.0,
+            },
         }
+    }
+
+    /// How unlikely data are that lie `off` from this model's mean: twice the negative logarithm, less a constant.
+    pub fn deviance_of(&self, off: &DVector<f64>) -> f64 {
+        self.likelihood.deviance(off)
+    }
+
+    /// The cost with a price for every number that was fitted.
+    pub fn price(&self) -> f64 {
+        self.cost + 2.0 * self.u.len() as f64
     }
 
     /// Number of base knobs.
@@ -71,6 +115,17 @@ impl Fit {
         next
     }
 
+    /// With its numbers moved, as far as they are trusted.
+    pub fn moved(&self, by: &DVector<f64>) -> Self {
+        let mut next = self.clone();
+        for j in 0..next.u.len() {
+            let knob = next.model.knobs[j];
+            let most = if j < self.base_knobs() { 0.3 } else { trust(knob.scale, self.u[j]) };
+            next.u[j] = knob.clamped(self.u[j] + by[j].clamp(-most, most));
+        }
+        next
+    }
+
     /// Directions that the data have been fitted along: base knobs and effects' knobs.
     pub fn directions(&self, reference: &Reference) -> DMatrix<f64> {
         let (rows, base, own) = (self.mean.len(), reference.jacobian.ncols(), self.jacobian.ncols());
@@ -101,10 +156,38 @@ impl Reference {
     /// Simulates the fit's mean and compares it with `data`.
     pub(super) fn evaluate(&self, fit: &mut Fit, data: &DVector<f64>, count: usize) -> Result<()> {
         let means = self.mean_of(&fit.model, &fit.u, count)?;
-        fit.misfit = self.metric.square(&(data - &means.mean));
+        let off = data - &means.mean;
+        fit.misfit = self.metric.square(&off);
+        fit.likelihood = self.own_noise(&means.each)?;
+        fit.cost = fit.likelihood.deviance(&off);
         fit.mean = means.mean;
         fit.each = means.each;
         Ok(())
+    }
+
+    fn own_noise(&self, each: &[DVector<f64>]) -> Result<Likelihood> {
+        let plain = Likelihood { metric: self.metric.clone(), noise: self.noise.clone(), spread: 0.0 };
+        if each.len() < 2 {
+            return Ok(plain);
+        }
+        let factors = self.factors(each, &average(each), each.len() as f64 - 1.0);
+        if factors.iter().all(|f| *f == 1.0) {
+            return Ok(plain);
+        }
+        let noise = self.noise.scaled(&factors)?;
+        let spread = noise.log_determinant() - self.noise.log_determinant();
+        Ok(Likelihood { metric: Metric::new(&noise, self.jacobian.clone()), noise, spread })
+    }
+
+    /// By how much every statistic's deviation exceeds the null's, one where it hardly does.
+    pub(super) fn factors(&self, each: &[DVector<f64>], mean: &DVector<f64>, freedom: f64) -> Vec<f64> {
+        let factor = |j: usize| {
+            let own = each.iter().map(|s| (s[j] - mean[j]).powi(2)).sum::<f64>();
+            let null = self.noise.covariance[(j, j)];
+            let ratio = (own + PRIOR * null) / (freedom + PRIOR) / null;
+            if ratio > WIDER { ratio.sqrt() } else { 1.0 }
+        };
+        (0..mean.len()).map(factor).collect()
     }
 
     /// Derivatives by the effects' knobs, with the draws of the fit's own simulations.
@@ -145,13 +228,14 @@ impl Reference {
     ) -> Result<Fit> {
         self.evaluate(&mut fit, data, count)?;
         for round in 0..rounds {
-            self.derive(&mut fit, count)?;
+            // Common draws: a difference needs fewer simulations than a mean.
+            self.derive(&mut fit, count.div_ceil(2))?;
             let next = self.line_search(&fit, data, count)?;
             let Some(next) = next else { break };
-            let gained = fit.misfit - next.misfit;
+            let gained = fit.cost - next.cost;
             let jacobian = std::mem::replace(&mut fit, next).jacobian;
             fit.jacobian = jacobian;
-            if round + 1 < rounds && gained < 0.01 * fit.misfit {
+            if round + 1 < rounds && gained < 0.01 * fit.cost.max(0.0) + 1.0 {
                 break;
             }
         }
@@ -162,7 +246,7 @@ impl Reference {
     fn line_search(&self, fit: &Fit, data: &DVector<f64>, count: usize) -> Result<Option<Fit>> {
         let base = fit.base_knobs();
         let off = data - &fit.mean;
-        let wanted = Metric::new(&self.noise, fit.directions(self)).fit(&off);
+        let wanted = Metric::new(&fit.likelihood.noise, fit.directions(self)).fit(&off);
         for share in [1.0, 0.4] {
             let mut next = fit.clone();
             let mut left = off.clone();
@@ -173,13 +257,13 @@ impl Reference {
                 left -= fit.jacobian.column(j - base) * (next.u[j] - fit.u[j]);
             }
             // The base follows what the effects leave.
-            let calibrated = self.metric.fit(&left);
+            let calibrated = fit.likelihood.metric.fit(&left);
             for j in 0..base {
                 let knob = fit.model.knobs[j];
                 next.u[j] = knob.clamped(fit.u[j] + share * calibrated[j].clamp(-0.3, 0.3));
             }
             self.evaluate(&mut next, data, count)?;
-            if next.misfit < fit.misfit {
+            if next.cost < fit.cost {
                 return Ok(Some(next));
             }
         }

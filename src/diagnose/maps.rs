@@ -4,7 +4,7 @@ use realfft::RealFftPlanner;
 
 use super::lines::Lines;
 use super::spread::Spread;
-use super::vector::{Vector, ln};
+use super::vector::{Vector, counted, ln};
 
 /// Names of one map's statistics.
 struct Names([&'static str; 24]);
@@ -72,8 +72,8 @@ fn map(v: &mut Vector, names: &Names, map: &[f64], width: usize) -> Vec<f64> {
         (spread.skew(), 2e-3),
         (ln(spread.upper_tail()), 4e-3),
         (ln(spread.lower_tail()), 4e-3),
-        (1e4 * far(1.0) / n, 1.5e4 / n),
-        (1e4 * far(-1.0) / n, 1.5e4 / n),
+        counted(far(1.0)),
+        counted(far(-1.0)),
     ];
     let columns: Vec<f64> =
         (0..width).map(|c| z.iter().skip(c).step_by(width).sum::<f64>() / height as f64).collect();

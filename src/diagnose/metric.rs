@@ -67,6 +67,12 @@ impl Noise {
         }
     }
 
+    /// Logarithm of the covariance's determinant.
+    pub fn log_determinant(&self) -> f64 {
+        let l = self.factor.l_dirty();
+        (0..l.nrows()).map(|i| 2.0 * l[(i, i)].ln()).sum()
+    }
+
     /// With every deviation multiplied by a factor of its own.
     pub fn scaled(&self, factors: &[f64]) -> Result<Self> {
         let scale = |i: usize, j: usize| self.covariance[(i, j)] * factors[i] * factors[j];

@@ -90,10 +90,16 @@ impl Model {
             let range = (0.02 * centre, 20.0 * centre);
             (centre > 0.0).then_some(Knob { effect, key, scale: Scale::Linear, centre, unit: centre, range })
         };
+        // A still scene of unknown light says nothing of gain and dark current, and gives one variance for
+        // quanta and threshold noise together; how many electrons make a threshold follows from the
+        // capacitance, so the noise of the light is taken as known.
+        const SHOWN: [(&str, &str); 3] =
+            [("prnu", "sigma"), ("bias_voltage", "sigma"), ("thermal_noise", "sigma")];
+        let known = |k: &Knob| setup.only_still() && !SHOWN.contains(&(k.effect, k.key));
         // An unknown scene's light is what its rates say.
         let lit = |k: &usize| setup.scenes[*k].brightness() > 0.0 && setup.scenes[*k].still.is_none();
         Self {
-            knobs: base.iter().filter_map(knob).collect(),
+            knobs: base.iter().filter_map(knob).filter(|k| !known(k)).collect(),
             lamps: (0..setup.scenes.len()).filter(lit).collect(),
             camera,
         }

@@ -13,6 +13,9 @@ const WEAK: f64 = 40.0;
 /// Largest cosine that is projected out.
 const LIKEST: f64 = 0.97;
 
+/// Events that a set must be expected to hold: fewer than one set in a hundred then has none.
+const EVENTS: f64 = 5.0;
+
 /// The smallest strength at which an effect can be told from calibration and from its nearest rival.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Nameable {
@@ -66,9 +69,21 @@ impl Reference {
             let strength = (knob.value(u) - knob.value(0.0)).abs();
             found.push(Nameable { name, key: knob.key, strength, nearest, alike });
         }
+        let fewest = self.fewest(name);
+        found.iter_mut().for_each(|f| f.strength = f.strength.max(fewest));
         found.sort_by(|a, b| a.strength.total_cmp(&b.strength));
         let middle = found.len() / 2;
         (!found.is_empty()).then(|| found.swap_remove(middle))
+    }
+
+    /// What happens to whole readouts or pixels must happen at all.
+    fn fewest(&self, name: &str) -> f64 {
+        let readouts: usize = self.setup.scenes.iter().map(|s| s.readouts).sum();
+        match name {
+            "dropped_readouts" | "repeated_readouts" => EVENTS / readouts as f64,
+            "hot_pixels" | "dead_pixels" => EVENTS / self.setup.geometry.pixels() as f64,
+            _ => 0.0,
+        }
     }
 
     /// The candidate of another name that looks most like `own`, and the cosine between them. Two that

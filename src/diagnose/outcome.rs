@@ -6,11 +6,12 @@ use super::candidates::MISFITS;
 use super::model::Knob;
 use super::reference::Reference;
 use super::search::{Found, Round};
+use super::settle::{settle, tied};
 use crate::effects::Camera;
 use crate::error::Result;
 
-/// Normal quantile of 95 % intervals.
-const INTERVAL: f64 = 1.96;
+/// Quantile of Student's law for 95 % intervals: a deviation is known from thirty simulations.
+const INTERVAL: f64 = 2.04;
 
 /// Relative deviation below which a known number is not worth a word.
 const WORTH: f64 = 0.02;
@@ -109,6 +110,8 @@ pub struct Diagnosis {
     pub unknown: Vec<Unknown>,
     /// Distances.
     pub gap: Gap,
+    /// What to record where names tie.
+    pub settle: Vec<String>,
     /// Names that this set cannot show.
     pub not_testable: Vec<&'static str>,
     /// Seconds that it took.
@@ -130,24 +133,28 @@ pub struct Traces {
     pub deviations: Vec<(String, String, f64, f64)>,
     /// Names with their misfit and whether they tied, by round.
     pub tournament: Vec<Vec<(&'static str, f64, bool)>>,
+    /// What was added in each step of the gap, and whether it was kept.
+    pub steps: Vec<(&'static str, bool)>,
+    /// The recordings, the model before and the model after.
+    pub pictures: Vec<(&'static str, super::picture::Picture)>,
 }
 
 pub(super) fn outcome(
     reference: &Reference,
     found: &mut Found,
     data: &nalgebra::DVector<f64>,
-    with_camera: bool,
+    given: Option<&Camera>,
 ) -> Result<Diagnosis> {
     let off = data - &found.own.mean;
     let moved = found.own.metric.fit(&off);
     for j in 0..found.fit.u.len() {
         let knob = found.fit.model.knobs[j];
         // The last, small step that the linear fit still asks for.
-        found.fit.u[j] = knob.clamped(found.fit.u[j] + moved[j].clamp(-0.2, 0.2));
+        let most = 2.0 * found.own.deviations[j];
+        found.fit.u[j] = knob.clamped(found.fit.u[j] + moved[j].clamp(-most, most));
     }
-    let covariance = found.own.metric.covariance();
     let interval = |j: usize| {
-        let (knob, u, sd) = (found.fit.model.knobs[j], found.fit.u[j], covariance[(j, j)].sqrt());
+        let (knob, u, sd) = (found.fit.model.knobs[j], found.fit.u[j], found.own.deviations[j]);
         parameter(knob, u, INTERVAL * sd)
     };
     let total = found.train[0] - found.own.floor;
@@ -180,8 +187,8 @@ pub(super) fn outcome(
         let resembles = found.left && share.min(whole) < 0.5;
         effects.push(FoundEffect { name, parameters, tied_with, resembles, evidence });
     }
-    if with_camera {
-        misfits.extend(base_misfits(reference, found, &covariance));
+    if let Some(given) = given {
+        misfits.extend(base_misfits(reference, found, given));
     }
     let named = !misfits.is_empty() || effects.iter().any(|e| !e.resembles);
     let verdict = match (found.left, named) {
@@ -205,6 +212,7 @@ pub(super) fn outcome(
             floor: found.own.floor,
             floor_sd: found.own.floor_sd,
         },
+        settle: settle(reference, &found.rounds),
         not_testable: reference.not_testable(),
         seconds: 0.0,
         notes: Vec::new(),
@@ -219,18 +227,21 @@ fn parameter(knob: Knob, u: f64, reach: f64) -> Parameter {
 }
 
 fn ties(round: Option<&Round>) -> Vec<&'static str> {
-    let others = round.iter().flat_map(|r| r.entrants.iter().filter(|e| e.tied && e.name != r.winner));
-    others.map(|e| e.name).take(2).collect()
+    round.map_or_else(Vec::new, |r| tied(r).into_iter().map(|e| e.name).collect())
 }
 
 /// Numbers of the given camera that the fit moved.
-fn base_misfits(reference: &Reference, found: &Found, covariance: &nalgebra::DMatrix<f64>) -> Vec<Misfit> {
+fn base_misfits(reference: &Reference, found: &Found, given: &Camera) -> Vec<Misfit> {
     let of_knob = |j: usize| {
-        let (knob, u, sd) = (found.fit.model.knobs[j], found.fit.u[j], covariance[(j, j)].sqrt());
+        let (knob, u, sd) = (found.fit.model.knobs[j], found.fit.u[j], found.own.deviations[j]);
         let p = parameter(knob, u, INTERVAL * sd);
-        (u.abs() > 3.5 * sd && u.abs() > WORTH).then(|| Misfit {
+        let model = given.effect(knob.effect).and_then(|e| e.get(knob.key).ok()).unwrap_or(knob.centre);
+        let off = (p.value - model).abs();
+        // A deviation that is as large as the number says nothing about it.
+        let told = off > 3.5 * sd * knob.unit && sd * knob.unit < 0.3 * model.abs();
+        (told && off > WORTH * model.abs()).then(|| Misfit {
             parameter: format!("{}.{}", knob.effect, knob.key),
-            model: knob.value(0.0),
+            model,
             fitted: p.value,
             low: p.low,
             high: p.high,
@@ -240,12 +251,18 @@ fn base_misfits(reference: &Reference, found: &Found, covariance: &nalgebra::DMa
     (0..reference.model.knobs.len()).filter_map(of_knob).collect()
 }
 
+/// The last part of a recording's path.
+fn file_name(path: &str) -> String {
+    let last = std::path::Path::new(path).file_name();
+    last.map_or_else(|| path.to_owned(), |name| name.to_string_lossy().into_owned())
+}
+
 impl Reference {
     /// A statistic in words.
     pub(super) fn words(&self, i: usize) -> (String, String) {
         let s = &self.statistics[i];
         let place =
-            s.recording.map_or_else(|| "fitted maps".to_owned(), |k| self.setup.scenes[k].name.clone());
+            s.recording.map_or_else(|| "fitted maps".to_owned(), |k| file_name(&self.setup.scenes[k].name));
         (s.name.to_owned(), place)
     }
 }
@@ -272,5 +289,7 @@ fn traces(reference: &Reference, found: &Found, data: &nalgebra::DVector<f64>) -
     Traces {
         deviations: (0..before.len()).map(row).collect(),
         tournament: found.rounds.iter().map(entrants).collect(),
+        steps: found.rounds.iter().map(|r| (r.winner, r.accepted)).collect(),
+        pictures: Vec::new(),
     }
 }

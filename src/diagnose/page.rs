@@ -1,8 +1,9 @@
 //! The report: one page.
 
 use super::outcome::{Diagnosis, Verdict};
+use super::picture::{Picture, Trace};
 use crate::error::Result;
-use crate::report::{Curve, Part, Table, curves, page as render};
+use crate::report::{Curve, Part, Row, Table, bars, curves, heat_map, page as render, ranked};
 
 /// The page of a diagnosis.
 ///
@@ -11,11 +12,16 @@ use crate::report::{Curve, Part, Table, curves, page as render};
 pub fn page(diagnosis: &Diagnosis) -> Result<String> {
     let mut parts = vec![Part::text(sentence(diagnosis))];
     parts.extend(named(diagnosis));
-    parts.push(Part::heading("The gap, after each step"));
-    parts.extend(gap(diagnosis)?);
+    if !diagnosis.settle.is_empty() {
+        parts.push(Part::heading("Which recording would settle a tie"));
+        parts.push(Part::List { items: diagnosis.settle.clone() });
+    }
     parts.push(Part::heading("Where model and recordings disagree"));
     parts.extend(disagreements(diagnosis)?);
-    parts.extend(tournament(diagnosis));
+    parts.push(Part::heading("The gap, after each step"));
+    parts.extend(gap(diagnosis)?);
+    parts.extend(tournament(diagnosis)?);
+    parts.extend(seen(&diagnosis.traces.pictures)?);
     parts.push(Part::heading("What this set could not have seen"));
     let unseen = &diagnosis.not_testable;
     let text = if unseen.is_empty() {
@@ -108,74 +114,113 @@ fn named(d: &Diagnosis) -> Vec<Part> {
 }
 
 fn gap(d: &Diagnosis) -> Result<Vec<Part>> {
-    let points =
-        |values: &[f64]| values.iter().enumerate().map(|(i, g)| (i as f64, g.max(1.0).log10())).collect();
-    let steps = d.gap.train.len().max(2);
-    let floor = vec![d.gap.floor; steps];
-    let lines = [
-        Curve { name: "fitted recordings", points: points(&d.gap.train) },
-        Curve { name: "held-out recordings", points: points(&d.gap.heldout) },
-        Curve { name: "the model's own sensors", points: points(&floor) },
-    ];
-    let mut table = Table::new(&["effects added", "fitted", "held out"]);
-    for (i, (a, b)) in d.gap.train.iter().zip(&d.gap.heldout).enumerate() {
-        table.row([i.to_string(), format!("{a:.1}"), format!("{b:.1}")]);
-    }
-    table.row([
-        "the model's own sensors".to_owned(),
-        format!("{:.1}", d.gap.floor),
-        format!("+- {:.1}", d.gap.floor_sd),
-    ]);
-    Ok(vec![
-        Part::figure(
-            curves("Gap", "effects added", "log10 of the gap", &lines)?,
-            "Squared distance of the statistics to the model, with what calibration fits taken out.",
+    let kept = d.traces.steps.iter().filter(|s| s.1).map(|s| s.0);
+    let mut names: Vec<String> =
+        std::iter::once("nothing added".to_owned()).chain(kept.map(|n| format!("with {n}"))).collect();
+    names.resize(d.gap.train.len(), "after removal and swaps".to_owned());
+    let values = d.gap.train.iter().zip(&d.gap.heldout);
+    let rows: Vec<Row> =
+        names.into_iter().zip(values).map(|(name, (a, b))| Row { name, values: vec![*a, *b] }).collect();
+    Ok(vec![Part::figure(
+        ranked(
+            "squared distance, in standard deviations squared",
+            &["fitted recordings", "held-out recordings"],
+            &rows,
+            Some((d.gap.floor, "floor: the final model's own sensors")),
+        )?,
+        format!(
+            "Squared distance of the statistics to the model, with what calibration fits taken out. The floor is {:.0}, with a \
+             deviation of {:.0}. Held out, the gap is {:.0} at first and {:.0} at last.",
+            d.gap.floor,
+            d.gap.floor_sd,
+            d.gap.heldout.first().unwrap_or(&0.0),
+            d.gap.heldout.last().unwrap_or(&0.0)
         ),
-        Part::Table(table),
-    ])
+    )])
 }
 
 /// Rows of the largest deviations.
-const SHOWN: usize = 25;
+const SHOWN: usize = 24;
+
+/// Deviations that a clean sensor shows somewhere once in a thousand times.
+const PLAIN: f64 = 5.0;
 
 fn disagreements(d: &Diagnosis) -> Result<Vec<Part>> {
     let mut rows: Vec<_> = d.traces.deviations.iter().collect();
-    rows.sort_by(|a, b| b.2.abs().total_cmp(&a.2.abs()));
-    let ranked = |after: bool| {
-        rows.iter()
-            .enumerate()
-            .map(|(i, r)| (i as f64, (if after { r.3 } else { r.2 }).abs().min(1e6)))
-            .take(60)
-            .collect()
+    rows.sort_by(|a, b| b.2.abs().max(b.3.abs()).total_cmp(&a.2.abs().max(a.3.abs())));
+    let row = |(name, place, before, after): &(String, String, f64, f64)| Row {
+        name: format!("{place}: {name}"),
+        values: vec![*before, *after],
     };
-    let lines =
-        [Curve { name: "before", points: ranked(false) }, Curve { name: "after", points: ranked(true) }];
-    let mut table = Table::new(&["statistic", "recording", "before", "after"]);
-    for (name, place, before, after) in rows.iter().take(SHOWN) {
-        table.row([name.clone(), place.clone(), format!("{before:+.1}"), format!("{after:+.1}")]);
-    }
-    Ok(vec![
-        Part::figure(
-            curves("Deviations", "statistics, largest first", "standard deviations", &lines)?,
-            "Deviations of single statistics from the model, before and after effects were added.",
+    let shown: Vec<Row> = rows.iter().take(SHOWN).map(|r| row(r)).collect();
+    let plain = |after: bool| rows.iter().filter(|r| (if after { r.3 } else { r.2 }).abs() > PLAIN).count();
+    Ok(vec![Part::figure(
+        ranked("standard deviations", &["before", "after"], &shown, Some((PLAIN, "5")))?,
+        format!(
+            "The largest deviations of the fitted recordings from the model, before and after effects were added: {} of {} \
+             statistics are beyond five standard deviations before, {} after.",
+            plain(false),
+            rows.len(),
+            plain(true)
         ),
-        Part::Table(table),
-    ])
+    )])
 }
 
-fn tournament(d: &Diagnosis) -> Vec<Part> {
+fn tournament(d: &Diagnosis) -> Result<Vec<Part>> {
     let mut parts = Vec::new();
-    for (i, round) in d.traces.tournament.iter().enumerate() {
-        parts.push(Part::heading(&format!("Tournament {}", i + 1)));
-        let mut table = Table::new(&["candidate", "misfit when fitted", "within noise of the best"]);
-        for (name, misfit, tied) in round {
-            table.row([
-                (*name).to_owned(),
-                format!("{misfit:.1}"),
-                if *tied { "yes" } else { "no" }.to_owned(),
-            ]);
-        }
-        parts.push(Part::Table(table));
+    for (round, (winner, kept)) in d.traces.tournament.iter().zip(&d.traces.steps) {
+        parts.push(Part::heading(&format!("Tournament: {winner}{}", if *kept { "" } else { ", not kept" })));
+        let row = |(name, misfit, tied): &(&str, f64, bool)| Row {
+            name: format!("{name}{}", if *tied && name != winner { " (tied)" } else { "" }),
+            values: vec![*misfit],
+        };
+        let rows: Vec<Row> = round.iter().map(row).collect();
+        let caption = if *kept {
+            "What each candidate leaves of the gap when it is fitted; within noise the names are tied."
+        } else {
+            "The held-out recordings did not come nearer with the winner, so it was not kept."
+        };
+        parts.push(Part::figure(ranked("gap that is left", &["fitted"], &rows, None)?, caption));
     }
-    parts
+    Ok(parts)
+}
+
+fn seen(pictures: &[(&'static str, Picture)]) -> Result<Vec<Part>> {
+    let mut parts = Vec::new();
+    let curve = |of: fn(&Picture) -> &Option<Trace>, log: bool| {
+        let bend = |p: &(f64, f64)| if log { (p.0.log10(), p.1.max(1e-6).log10()) } else { *p };
+        let all: Vec<Curve<'_>> = pictures
+            .iter()
+            .filter_map(|(name, p)| {
+                Some(Curve { name, points: of(p).as_ref()?.1.iter().map(bend).collect() })
+            })
+            .collect();
+        let place = pictures.iter().find_map(|(_, p)| Some(of(p).as_ref()?.0.clone()));
+        (place, all)
+    };
+    if let (Some(place), all) = curve(|p| &p.intervals, false) {
+        parts.push(Part::heading("Intervals"));
+        let plot = bars(&place, "interval over the pixel's mean", &all)?;
+        parts.push(Part::figure(plot, "How long intervals are, each in units of its own pixel's mean."));
+    }
+    if let (Some(place), all) = curve(|p| &p.spectrum, true) {
+        parts.push(Part::heading("Spectrum of the readouts' totals"));
+        let plot = curves(&place, "log10 of the frequency in Hz", "log10 of the power", &all)?;
+        parts.push(Part::figure(plot, "Power over that of as many independent spikes."));
+    }
+    for (place, what) in ["gain", "dark current"].into_iter().enumerate() {
+        let maps: Vec<_> = pictures.iter().filter_map(|(n, p)| Some((n, &p.maps.as_ref()?[place]))).collect();
+        if maps.is_empty() {
+            continue;
+        }
+        parts.push(Part::heading(&format!("Map of the {what}")));
+        for (name, map) in maps {
+            let width = pictures.iter().find_map(|p| p.1.width).unwrap_or(1);
+            parts.push(Part::figure(
+                heat_map(map, width, &format!("{what}, {name}"))?,
+                format!("{what}: {name}"),
+            ));
+        }
+    }
+    Ok(parts)
 }

@@ -7,8 +7,10 @@ use nalgebra::DVector;
 use super::candidates::Candidate;
 use super::model::published;
 use super::outcome::{Diagnosis, outcome};
+use super::picture::pictures;
+use super::rebase::rebased;
 use super::reference::{Progress, Reference, Signature};
-use super::search::search;
+use super::search::{Judge, search};
 use super::setup::{Measured, Part, Setup};
 use super::time::{line, power};
 use crate::calibrate::{self, Calibration, Light, RecordingSet, Scene as Pattern};
@@ -53,6 +55,9 @@ pub fn diagnose(
     let (setup, other) = (Setup::of(set, first)?, Setup::of(holdout.unwrap_or(set), second)?);
     poor(&setup, options.camera.is_some())?;
     same_protocol(&setup, &other)?;
+    progress("reading", 0.0);
+    let measured = setup.measure(set)?;
+    let data = DVector::from_vec(measured.values.clone());
     let built;
     let reference = match options.reference {
         Some(reference) => {
@@ -61,20 +66,32 @@ pub fn diagnose(
         }
         None => {
             let camera = match options.camera {
-                Some(camera) => camera.clone(),
+                // Maps are all spread: what the base cannot hold would bend it.
+                Some(camera) if setup.maps => camera.clone(),
+                Some(camera) => {
+                    progress("own numbers", 0.0);
+                    rebased(&setup, camera, &data, options.seed)?
+                }
                 None => calibrated(set, &setup)?,
             };
             built = Reference::new(setup.clone(), camera, options.seed, progress)?;
             &built
         }
     };
-    progress("reading", 0.0);
-    let measured = setup.measure(set)?;
-    let data = DVector::from_vec(measured.values.clone());
     let held = DVector::from_vec(other.measure(holdout.unwrap_or(set))?.values);
+    let judge = Judge { data: &held, setup: (first != second).then_some(&other) };
     let signatures = with_line(reference, &setup, &measured)?;
-    let mut found = search(reference, &signatures, &data, &held, progress)?;
-    let mut diagnosis = outcome(reference, &mut found, &data, options.camera.is_some())?;
+    let mut found = search(reference, &signatures, &data, &judge, progress)?;
+    let mut diagnosis = outcome(reference, &mut found, &data, options.camera)?;
+    if let Some((first, rows)) = setup.band {
+        diagnosis.notes.push(format!(
+            "The scene is large: rows {first} to {} were judged, which hold most of its even surface.",
+            first + rows - 1
+        ));
+    }
+    progress("pictures", 0.95);
+    let last = (&found.fit.model, found.fit.u.as_slice());
+    diagnosis.traces.pictures = pictures(reference, set, &measured.scans, last)?;
     if holdout.is_none() && alone {
         diagnosis
             .notes

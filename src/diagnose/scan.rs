@@ -45,6 +45,8 @@ pub(super) struct Scan {
     pub neighbours: [f64; 4],
     /// Sum of the deviations of intervals that end at a readout, in readouts, and their number.
     pub deviations: Vec<[f64; 2]>,
+    /// Relative difference of pixels side by side; of still scenes only.
+    pub contrast: f64,
 }
 
 /// Scans packed frames; `dim` recordings have every interval looked at, and the halves of rows where asked for.
@@ -79,6 +81,7 @@ pub(super) fn scan(frames: Packed<'_>, dim: bool, rows_too: bool) -> Scan {
         pixels,
         totals,
         deviations,
+        contrast: 0.0,
     }
 }
 
@@ -132,11 +135,22 @@ fn intervals(times: &[u32], mean: f64, scan: &mut PixelScan, deviations: &mut [[
         // An integrator without noise: the lag falls on the whole numbers about its mean.
         let part = expected.fract();
         let lattice = part * (1.0 - part);
-        for pair in times.windows(lag + 1) {
-            let off = (f64::from(pair[lag] - pair[0]) - expected).clamp(-widest, widest);
-            scan.variance[k] += square * (off * off - lattice);
-            scan.terms[k] += 1.0;
+        let pairs = times.len().saturating_sub(lag);
+        let ends = &times[times.len() - pairs..];
+        let off = |end: u32, start: u32| {
+            let off = (f64::from(end - start) - expected).clamp(-widest, widest);
+            off * off
+        };
+        // Eight sums side by side: one would wait for its own last addition.
+        let mut sums = [0.0; 8];
+        let (wide, rest) = ends.as_chunks::<8>();
+        for (e, s) in wide.iter().zip(times.as_chunks::<8>().0) {
+            (0..8).for_each(|i| sums[i] += off(e[i], s[i]));
         }
+        let tail = &times[wide.len() * 8..];
+        sums[0] += rest.iter().zip(tail).map(|(e, s)| off(*e, *s)).sum::<f64>();
+        scan.variance[k] += square * (sums.iter().sum::<f64>() - pairs as f64 * lattice);
+        scan.terms[k] += pairs as f64;
     }
     let (low, high) = (mean.floor() as u32, mean.ceil() as u32);
     let margin = 1 + (0.03 * mean) as u32;
@@ -207,12 +221,20 @@ fn row_halves(frames: Packed<'_>) -> f64 {
     if width < 4 || frames.readouts() < 2 {
         return 0.0;
     }
+    // A whole row in one word, wherever in a byte it begins.
+    let short = width <= 56;
     let of_row = |row: usize| {
         let (start, middle) = (row * width, row * width + width / 2);
         let (mut l1, mut r1, mut lr, mut l2, mut r2) = (0u64, 0u64, 0u64, 0u64, 0u64);
         for frame in frames.frames() {
-            let l = u64::from(count_range(frame, start, middle));
-            let r = u64::from(count_range(frame, middle, start + width));
+            let [l, r] = if short {
+                let row = word_at(frame, start / 8) >> (start % 8);
+                let left = row & ((1 << (width / 2)) - 1);
+                let right = (row ^ left) & ((1 << width) - 1);
+                [u64::from(left.count_ones()), u64::from(right.count_ones())]
+            } else {
+                [(start, middle), (middle, start + width)].map(|(a, b)| u64::from(count_range(frame, a, b)))
+            };
             l1 += l;
             r1 += r;
             lr += l * r;

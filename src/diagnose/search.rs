@@ -1,30 +1,46 @@
 //! The loop: is anything left, what explains it best, does it hold on other recordings.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::fit::Fit;
-use super::metric::{Metric, Noise};
-use super::model::LAMP;
+use super::metric::Metric;
 use super::nameable::reach;
-use super::reference::{Progress, Reference, Signature, gamma_limit};
-use crate::draws::pattern::Pattern;
-use crate::draws::{Seeds, Stream};
+use super::own::Own;
+use super::reference::{Progress, Reference, Signature};
+use super::setup::Setup;
 use crate::error::Result;
 
 /// Most effects that are added.
 const ROUNDS: usize = 4;
 
+/// Most names that the held-out set may turn down.
+const VETOES: usize = 2;
+
 /// Furthest that a signature is stretched: beyond, another one of the same effect is nearer.
 const FURTHEST: f64 = 8.0;
 
-/// Candidates of a tournament.
-const TOURNAMENT: usize = 3;
+/// Candidates of a tournament, and of its second leg.
+const TOURNAMENT: usize = 5;
+const FINAL: usize = 3;
 
-/// Simulations of a mean: in the tournament, in its last comparison, and of the final model.
-const FEW: usize = 3;
-const SOME: usize = 8;
-const MANY: usize = 30;
+/// Share of the best promise from which on a candidate is tried.
+const PROMISING: f64 = 0.45;
+
+/// Simulations of a mean: in the tournament, and in its second leg.
+const FEW: usize = 2;
+pub(super) const SOME: usize = 6;
+
+/// Fall of the held-out deviance below which a name is not kept: three deviations of one number.
+const BETTER: f64 = 9.0;
+
+/// Share of the excess below which the best name explains too little for another one to be tried:
+/// of three effects of equal strength the first explains a third.
+const LIKENESS: f64 = 0.2;
+
+/// Share of the first excess that a further effect must explain: an approximate signature of a strong
+/// effect leaves that much.
+const REMAINDER: f64 = 0.001;
 
 /// A candidate that was fitted beside the winner.
 #[derive(Clone, Debug)]
@@ -33,6 +49,10 @@ pub(super) struct Entrant {
     pub misfit: f64,
     /// Whether its lead or lag is within noise.
     pub tied: bool,
+    /// Deviations by which a set tells its fitted model from the winner's.
+    pub apart: f64,
+    /// Its fitted mean.
+    pub mean: DVector<f64>,
 }
 
 /// One round of the loop.
@@ -43,16 +63,7 @@ pub(super) struct Round {
     pub accepted: bool,
     /// Share of the excess that the winner's signature explains.
     pub share: f64,
-}
-
-/// What simulations of the fitted model itself look like.
-pub(super) struct Own {
-    pub metric: Metric,
-    /// Limit and median of the total misfit in the first round's metric.
-    pub floor: f64,
-    pub floor_sd: f64,
-    pub misfit_limit: f64,
-    pub deviation_limit: f64,
+    /// The winner's fitted mean.
     pub mean: DVector<f64>,
 }
 
@@ -68,47 +79,85 @@ pub(super) struct Found {
     pub left: bool,
 }
 
+/// The set that judges: another take, or the second half of the first one, which the model must be
+/// simulated up to.
+pub(super) struct Judge<'a> {
+    pub data: &'a DVector<f64>,
+    /// The protocol, where it is not that of the fitted set.
+    pub setup: Option<&'a Setup>,
+}
+
+impl Judge<'_> {
+    /// What `fit` promises of this set.
+    fn mean(&self, reference: &Reference, fit: &Fit) -> Result<DVector<f64>> {
+        match self.setup {
+            Some(setup) => reference.mean_under(setup, &fit.model, &fit.u),
+            None => Ok(fit.mean.clone()),
+        }
+    }
+
+    fn off(&self, reference: &Reference, fit: &Fit) -> Result<DVector<f64>> {
+        Ok(self.data - self.mean(reference, fit)?)
+    }
+}
+
 pub(super) fn search(
     reference: &Reference,
     signatures: &[Signature],
     data: &DVector<f64>,
-    other: &DVector<f64>,
+    judge: &Judge<'_>,
     progress: Progress<'_>,
 ) -> Result<Found> {
     let mut fit = Fit::base(reference, data);
-    let gap = |mean: &DVector<f64>, set: &DVector<f64>| reference.metric.square(&(set - mean));
-    let (mut train, mut heldout) = (vec![fit.misfit], vec![gap(&fit.mean, other)]);
+    let mut off = judge.off(reference, &fit)?;
+    let (mut train, mut heldout) = (vec![fit.misfit], vec![reference.metric.square(&off)]);
     let mut own = reference.own_of_base();
     let mut left = reference.alarm(data, signatures);
-    let mut rounds = Vec::new();
-    while left && rounds.len() < ROUNDS {
-        progress("tournament", rounds.len() as f64 / ROUNDS as f64);
-        let Some((next, round)) = reference.tournament(&fit, &own, signatures, data)? else { break };
-        let next = reference.refine(next, data, 2, SOME)?;
-        let (before, after) = (*heldout.last().unwrap_or(&0.0), gap(&next.mean, other));
-        let better = before - after > 9.0 + 0.02 * before.min(1e4) / (1.0 + fit.effects.len() as f64);
-        rounds.push(Round { accepted: better, ..round });
-        if !better {
-            break;
+    let mut rounds: Vec<Round> = Vec::new();
+    let mut turned_down: Vec<&'static str> = Vec::new();
+    while left && fit.effects.len() < ROUNDS && turned_down.len() < VETOES {
+        progress("tournament", (fit.effects.len() + turned_down.len()) as f64 / ROUNDS as f64);
+        let open: Vec<&Signature> =
+            signatures.iter().filter(|s| !turned_down.contains(&s.candidate.name)).collect();
+        let Some((next, round)) = reference.tournament(&fit, &own, &open, data)? else { break };
+        progress(round.winner, (fit.effects.len() + turned_down.len()) as f64 / ROUNDS as f64);
+        let after = judge.off(reference, &next)?;
+        let (b, a) = (fit.deviance_of(&off), next.deviance_of(&after));
+        let accepted = b - a
+            > BETTER
+                + 0.02 * b.clamp(0.0, 1e4) / (1.0 + fit.effects.len() as f64)
+                + REMAINDER * (heldout[0] - own.floor).max(0.0);
+        if !accepted {
+            turned_down.push(round.winner);
+        }
+        rounds.push(Round { accepted, ..round });
+        if !accepted {
+            continue;
         }
         fit = next;
-        own = reference.own(&mut fit, data)?;
-        train.push(gap(&own.mean, data));
-        heldout.push(gap(&own.mean, other));
-        left = [data, other].iter().any(|set| own.alarm(&(*set - &own.mean)));
+        own = reference.converged(&mut fit, data)?;
+        off = judge.off(reference, &fit)?;
+        train.push(fit.misfit);
+        heldout.push(reference.metric.square(&off));
+        left = own.alarm(&(data - &own.mean)) || own.alarm(&off);
+        if rounds.last().is_some_and(|r| r.share < LIKENESS) {
+            // What is there is something else; more names would be more likenesses.
+            break;
+        }
     }
     if fit.effects.len() > 1 {
+        let kept = fit.effects.clone();
         reference.eliminate(&mut fit, &mut own, &mut rounds, data)?;
-        left = [data, other].iter().any(|set| own.alarm(&(*set - &own.mean)));
+        progress("swaps", 0.9);
+        reference.swap(&mut fit, &mut own, &mut rounds, signatures, data, judge)?;
+        if fit.effects != kept {
+            off = judge.off(reference, &fit)?;
+            train.push(fit.misfit);
+            heldout.push(reference.metric.square(&off));
+        }
+        left = own.alarm(&(data - &own.mean)) || own.alarm(&off);
     }
     Ok(Found { fit, rounds, train, heldout, own, left })
-}
-
-impl Own {
-    pub fn alarm(&self, off: &DVector<f64>) -> bool {
-        let largest = self.metric.scores(off).into_iter().fold(0.0_f64, |m, z| m.max(z.abs()));
-        self.metric.square(off) > self.misfit_limit || largest > self.deviation_limit
-    }
 }
 
 impl Reference {
@@ -119,124 +168,99 @@ impl Reference {
         misfit > self.limits.misfit || deviation > self.limits.deviation || score > self.limits.score
     }
 
-    fn own_of_base(&self) -> Own {
-        let lengths: Vec<f64> = self.baseline.iter().map(|b| self.metric.square(&(b - &self.mean))).collect();
-        let (floor, floor_sd) = centre(&lengths);
-        Own {
-            metric: self.metric.clone(),
-            floor,
-            floor_sd,
-            misfit_limit: self.limits.misfit,
-            deviation_limit: self.limits.deviation,
-            mean: self.mean.clone(),
-        }
-    }
-
     /// The best candidate for what is left, fitted together with everything accepted before.
     fn tournament(
         &self,
         fit: &Fit,
         own: &Own,
-        signatures: &[Signature],
+        signatures: &[&Signature],
         data: &DVector<f64>,
     ) -> Result<Option<(Fit, Round)>> {
-        let off = data - &own.mean;
-        let excess = own.metric.square(&off) - own.floor;
-        let mut ranked: Vec<(f64, f64, &Signature)> = signatures
-            .iter()
-            .filter(|s| fit.effects.iter().all(|e| e.0 != s.candidate.name))
-            .map(|s| promise(&own.metric, &off, s))
-            .collect();
-        ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let Some(best) = ranked.first().map(|r| r.0) else { return Ok(None) };
-        if best < self.limits.score.powi(2) {
+        let entrants = self.entrants(fit, &own.metric, &(data - &fit.mean), signatures);
+        if entrants.is_empty() {
             return Ok(None);
         }
+        let enter =
+            |(scale, s): &(f64, &Signature)| self.refine(fit.with(&s.candidate, *scale), data, 2, FEW);
+        let mut fits = entrants.par_iter().map(enter).collect::<Result<Vec<_>>>()?;
+        fits.sort_by(|a, b| a.price().total_cmp(&b.price()));
+        // Near the front, once more and with less noise.
+        let front = fits[0].price() + 0.07 * (fit.price() - fits[0].price()).max(0.0) + 40.0;
+        let (close, far): (Vec<Fit>, Vec<Fit>) = fits
+            .into_iter()
+            .enumerate()
+            .map(|(i, f)| (i < FINAL && f.price() < front, f))
+            .fold((Vec::new(), Vec::new()), |(mut close, mut far), (near, f)| {
+                if near {
+                    close.push(f)
+                } else {
+                    far.push(f)
+                }
+                (close, far)
+            });
+        let again = close.into_par_iter().map(|f| self.refine(f, data, 3, SOME));
+        let mut fits = again.collect::<Result<Vec<_>>>()?;
+        fits.sort_by(|a, b| a.price().total_cmp(&b.price()));
+        let best = fits.swap_remove(0);
+        fits.extend(far);
+        let name = |f: &Fit| f.effects.last().map_or("", |e| e.0);
+        let entrant = |f: &Fit| {
+            // Twice the distance of two models is the deviation of the difference of their costs.
+            let apart = self.metric.square(&(&f.mean - &best.mean)).sqrt();
+            let tied = f.price() - best.price() < 4.0 + 2.0 * apart.min(12.0);
+            Entrant { name: name(f), misfit: f.misfit, tied, apart, mean: f.mean.clone() }
+        };
+        let excess = fit.misfit - own.floor;
+        let share = ((fit.misfit - best.misfit) / excess.max(1.0)).clamp(0.0, 1.0);
+        let entrants = std::iter::once(&best).chain(&fits).map(entrant).collect();
+        let round = Round { winner: name(&best), entrants, accepted: false, share, mean: best.mean.clone() };
+        Ok(Some((best, round)))
+    }
+
+    /// The candidates that promise most, each name once with its best shape and scale.
+    fn entrants<'a>(
+        &self,
+        fit: &Fit,
+        metric: &Metric,
+        off: &DVector<f64>,
+        signatures: &[&'a Signature],
+    ) -> Vec<(f64, &'a Signature)> {
+        let mut ranked: Vec<(f64, f64, &Signature)> = signatures
+            .par_iter()
+            .filter(|s| fit.effects.iter().all(|e| e.0 != s.candidate.name))
+            .map(|s| promise(metric, off, s))
+            .collect();
+        ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let best = ranked.first().map_or(0.0, |r| r.0);
         let mut entrants: Vec<(f64, &Signature)> = Vec::new();
-        for (gain, scale, signature) in &ranked {
+        if best < self.limits.score.powi(2) {
+            return entrants;
+        }
+        for (gain, scale, signature) in ranked {
             let known = entrants.iter().any(|e| e.1.candidate.name == signature.candidate.name);
-            if *gain > 0.55 * best && !known && entrants.len() < TOURNAMENT {
-                entrants.push((*scale, *signature));
+            if gain > PROMISING * best && !known && entrants.len() < TOURNAMENT {
+                entrants.push((scale, signature));
             }
         }
-        let enter =
-            |(scale, s): &(f64, &Signature)| self.refine(fit.with(&s.candidate, *scale), data, 3, FEW);
-        let mut fits = entrants.par_iter().map(enter).collect::<Result<Vec<_>>>()?;
-        let cost = |f: &Fit| f.misfit + 2.0 * f.u.len() as f64;
-        fits.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
-        // Near the front, once more and with less noise.
-        let front = cost(&fits[0]) + 0.03 * (fit.misfit - cost(&fits[0])).max(0.0) + 40.0;
-        let close: Vec<Fit> = fits.iter().filter(|f| cost(f) < front).take(3).cloned().collect();
-        if close.len() > 1 {
-            let again = close.into_par_iter().map(|f| self.refine(f, data, 2, SOME));
-            fits = again.collect::<Result<Vec<_>>>()?;
-            fits.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
+        entrants
+    }
+
+    /// The fitted model judged by itself, once more where its own noise asks for other numbers.
+    fn converged(&self, fit: &mut Fit, data: &DVector<f64>) -> Result<Own> {
+        let own = self.own(fit, data)?;
+        let moved = own.metric.fit(&(data - &own.mean));
+        let base = self.model.knobs.len();
+        let far = (base..fit.u.len()).any(|j| moved[j].abs() > own.deviations[j]);
+        if !far {
+            return Ok(own);
         }
-        let best = &fits[0];
-        let name = |f: &Fit| f.effects.last().map_or("", |e| e.0);
-        let tied = |f: &Fit| {
-            // Twice the distance of two models is the deviation of the difference of their misfits.
-            let apart = self.metric.square(&(&f.mean - &best.mean)).sqrt();
-            cost(f) - cost(best) < 4.0 + 2.0 * apart.min(12.0)
-        };
-        let entrant = |f: &Fit| Entrant { name: name(f), misfit: f.misfit, tied: tied(f) };
-        let share = ((fit.misfit - best.misfit) / excess.max(1.0)).clamp(0.0, 1.0);
-        let entrants = fits.iter().map(entrant).collect();
-        let round = Round { winner: name(best), entrants, accepted: false, share };
-        Ok(Some((fits.swap_remove(0), round)))
-    }
-
-    /// The fitted model judged by itself: its numbers redrawn from their posterior.
-    pub(super) fn own(&self, fit: &mut Fit, data: &DVector<f64>) -> Result<Own> {
-        self.evaluate(fit, data, MANY / 2)?;
-        self.derive(fit, SOME)?;
-        let lamps = self.model.lamps.len();
-        let rough = Metric::new(&self.noise, fit.directions(self));
-        let n = fit.u.len();
-        let root = rough.covariance().cholesky().map_or_else(|| DMatrix::zeros(n, n), |c| c.l());
-        let one = |i: usize| -> Result<DVector<f64>> {
-            let seed = self.seed + 50_000 + i as u64;
-            let mut normals =
-                Pattern::new(Seeds { camera: seed, shot: 0, sequence: 0 }, Stream::named("own")).normals();
-            let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
-            let moved = &root * draw(n);
-            let off = draw(lamps) * LAMP;
-            let u: Vec<f64> = (0..n).map(|j| fit.model.knobs[j].clamped(fit.u[j] + moved[j])).collect();
-            let sample = fit.model.sample(&u, off.as_slice(), self.setup.scenes.len())?;
-            Ok(DVector::from_vec(self.setup.values(&sample, seed)?))
-        };
-        let each: Vec<DVector<f64>> = (0..MANY).into_par_iter().map(one).collect::<Result<_>>()?;
-        let mean = fit.mean.clone();
-        let noise = self.rescaled(&each, &mean)?;
-        let metric = Metric::new(&noise, fit.directions(self));
-        let squares: Vec<f64> = each.iter().map(|s| metric.square(&(s - &mean))).collect();
-        let largest =
-            |s: &DVector<f64>| metric.scores(&(s - &mean)).into_iter().fold(0.0_f64, |m, z| m.max(z.abs()));
-        let mut deviations: Vec<f64> = each.iter().map(largest).collect();
-        deviations.sort_by(f64::total_cmp);
-        let lengths: Vec<f64> = each.iter().map(|s| self.metric.square(&(s - &mean))).collect();
-        let (floor, floor_sd) = centre(&lengths);
-        Ok(Own {
-            floor,
-            floor_sd,
-            // The mean itself is known to a part of the noise only.
-            misfit_limit: (1.1 * gamma_limit(&squares)).max(self.limits.misfit),
-            deviation_limit: (1.15 * deviations[MANY - 1]).max(self.limits.deviation),
-            metric,
-            mean,
-        })
-    }
-
-    /// The null's noise with each statistic's variance as the fitted model has it.
-    fn rescaled(&self, each: &[DVector<f64>], mean: &DVector<f64>) -> Result<Noise> {
-        let n = each.len() as f64;
-        let factor = |j: usize| {
-            let own = each.iter().map(|s| (s[j] - mean[j]).powi(2)).sum::<f64>();
-            let null = self.noise.covariance[(j, j)];
-            ((own + 10.0 * null) / (n + 10.0) / null).max(1.0).sqrt()
-        };
-        let factors: Vec<f64> = (0..mean.len()).map(factor).collect();
-        self.noise.scaled(&factors)
+        let mut next = self.refine(fit.moved(&moved), data, 2, 2 * SOME)?;
+        if next.cost > fit.cost {
+            return Ok(own);
+        }
+        let again = self.own(&mut next, data)?;
+        *fit = next;
+        Ok(again)
     }
 
     /// Drops effects whose amplitude is within three deviations of none.
@@ -247,19 +271,66 @@ impl Reference {
         rounds: &mut Vec<Round>,
         data: &DVector<f64>,
     ) -> Result<()> {
-        let covariance = own.metric.covariance();
-        let weak = (0..fit.effects.len()).find(|e| {
-            let j = fit.knobs_of(*e).start;
-            fit.u[j].abs() < 3.0 * covariance[(j, j)].sqrt()
-        });
-        let Some(weak) = weak else { return Ok(()) };
-        let name = fit.effects[weak].0;
-        let mut without = self.refine(fit.without(weak), data, 2, SOME)?;
-        let next = self.own(&mut without, data)?;
-        if without.misfit < fit.misfit + 12.0 {
+        let strength = |fit: &Fit, own: &Own, e: usize| {
+            let j = fit.knobs_of(e).start;
+            fit.u[j].abs() / own.deviations[j]
+        };
+        for _ in 1..fit.effects.len() {
+            let weakest =
+                (0..fit.effects.len()).map(|e| (strength(fit, own, e), e)).min_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((deviations, weak)) = weakest.filter(|w| w.0 < 3.0) else { break };
+            let name = fit.effects[weak].0;
+            let mut without = self.refine(fit.without(weak), data, 2, SOME)?;
+            // An interval that holds zero is no evidence, whatever the misfit gains.
+            if deviations > 2.0 && without.cost > fit.cost + 12.0 {
+                break;
+            }
+            *own = self.own(&mut without, data)?;
             rounds.retain(|r| r.winner != name);
             *fit = without;
-            *own = next;
+        }
+        Ok(())
+    }
+
+    /// Tries another name in the place of each accepted one, now that the others are known.
+    fn swap(
+        &self,
+        fit: &mut Fit,
+        own: &mut Own,
+        rounds: &mut [Round],
+        signatures: &[Signature],
+        data: &DVector<f64>,
+        judge: &Judge<'_>,
+    ) -> Result<()> {
+        let all: Vec<&Signature> = signatures.iter().collect();
+        for place in 0..fit.effects.len() {
+            let name = fit.effects[place].0;
+            let without = self.refine(fit.without(place), data, 1, FEW)?;
+            let others = self.entrants(&without, &own.metric, &(data - &without.mean), &all);
+            let others: Vec<_> = others.into_iter().filter(|e| e.1.candidate.name != name).take(2).collect();
+            let enter = |(scale, s): &(f64, &Signature)| {
+                self.refine(without.with(&s.candidate, *scale), data, 3, FEW)
+            };
+            let fits = others.par_iter().map(enter).collect::<Result<Vec<_>>>()?;
+            let Some(best) = fits.into_iter().min_by(|a, b| a.price().total_cmp(&b.price())) else {
+                continue;
+            };
+            if best.price() > fit.price() {
+                continue;
+            }
+            let mut best = self.refine(best, data, 2, SOME)?;
+            let held = |f: &Fit| Ok::<f64, crate::error::Error>(f.deviance_of(&judge.off(self, f)?));
+            if best.price() + 4.0 > fit.price() || held(&best)? > held(fit)? {
+                continue;
+            }
+            *own = self.converged(&mut best, data)?;
+            let new = best.effects.last().map_or(name, |e| e.0);
+            if let Some(round) = rounds.iter_mut().find(|r| r.accepted && r.winner == name) {
+                (round.winner, round.mean) = (new, best.mean.clone());
+                round.entrants.clear();
+            }
+            *fit = best;
+            break;
         }
         Ok(())
     }
@@ -283,13 +354,6 @@ impl Reference {
             signatures.iter().map(score).fold(0.0, largest),
         ]
     }
-}
-
-fn centre(values: &[f64]) -> (f64, f64) {
-    let median = crate::measure::median(&mut values.to_vec());
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    (median, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
 }
 
 /// How much of `off` a signature takes away at its best scale, within the effect's range.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::scan::{Scan, scan};
 use super::still::{self, Still};
 use super::vector::{Statistic, Vector, vector};
-use crate::calibrate::{Light, RecordingSet, Scene as Pattern};
+use crate::calibrate::{Light, Recording, RecordingSet, Scene as Pattern};
 use crate::draws::Seeds;
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
@@ -18,6 +18,9 @@ const DIM: f64 = 0.25;
 
 /// Fewest readouts of a recording that can be judged.
 const FEWEST: usize = 256;
+
+/// Most pixels of a still scene that are simulated: some 20,000 tell temporal noise to a per cent.
+pub const LARGEST: usize = 20_000;
 
 /// One recording: what stood in front of the camera, and when.
 #[derive(Clone, Debug, PartialEq)]
@@ -90,6 +93,8 @@ pub struct Setup {
     pub scenes: Vec<Scene>,
     /// Whether rate maps stand in place of recordings.
     pub maps: bool,
+    /// First row and rows that are looked at, where a still scene is larger than [`LARGEST`].
+    pub band: Option<(usize, usize)>,
 }
 
 /// A camera and how far each scene's light is off: factors near one.
@@ -144,7 +149,32 @@ impl Setup {
             scenes.push(Scene { name, light: recording.light, readouts, skip, still });
         }
         let maps = scenes.is_empty() && set.rate_maps.len() >= 2;
-        Ok(Self { geometry, readout_hz: set.readout_hz, scenes, maps })
+        let setup = Self { geometry, readout_hz: set.readout_hz, scenes, maps, band: None };
+        setup.cut_to_band()
+    }
+
+    /// Whether still scenes are all that there is.
+    pub(super) fn only_still(&self) -> bool {
+        !self.scenes.is_empty() && self.scenes.iter().all(|s| s.still.is_some())
+    }
+
+    /// A large still scene cut to the rows that hold most of its even surface.
+    fn cut_to_band(mut self) -> Result<Self> {
+        let (width, height) = (self.geometry.width(), self.geometry.height());
+        // Rows in eights begin on whole bytes.
+        let rows = (LARGEST / width / 8 * 8).max(8);
+        let Some(still) = self.scenes.iter().find_map(|s| s.still.as_ref()) else { return Ok(self) };
+        if height <= rows {
+            return Ok(self);
+        }
+        let starts = (0..=height - rows).step_by(8);
+        let first = starts.max_by_key(|r| still.even_in(r * width..(r + rows) * width)).unwrap_or(0);
+        self.geometry = Geometry::new(width as u32, rows as u32)?;
+        self.band = Some((first, rows));
+        for still in self.scenes.iter_mut().filter_map(|s| s.still.as_mut()) {
+            still.cut(first * width..(first + rows) * width);
+        }
+        Ok(self)
     }
 
     /// Reads and measures the recordings.
@@ -155,10 +185,8 @@ impl Setup {
         }
         let mut scans = Vec::new();
         for (scene, recording) in self.scenes.iter().zip(&set.recordings) {
-            let reader = set.reader(recording)?;
-            let mut bytes = vec![0; scene.readouts * self.geometry.frame_bytes()];
-            reader.read_frames(scene.skip, &mut bytes)?;
-            let mut found = scan(Packed::new(self.geometry, &bytes)?, scene.dim(), scene.rows());
+            let bytes = self.part(set, recording, scene)?;
+            let mut found = scan_of(self.geometry, &bytes, scene)?;
             if let Some(still) = &scene.still {
                 still.keep(&mut found);
             }
@@ -166,6 +194,21 @@ impl Setup {
         }
         let values = vector(self, &scans).values;
         Ok(Measured { scans, values })
+    }
+
+    /// The bits of a recording, as far as they are looked at.
+    pub(super) fn read(&self, set: &RecordingSet, k: usize) -> Result<Vec<u8>> {
+        self.part(set, &set.recordings[k], &self.scenes[k])
+    }
+
+    fn part(&self, set: &RecordingSet, recording: &Recording, scene: &Scene) -> Result<Vec<u8>> {
+        let reader = set.reader(recording)?;
+        let whole = reader.geometry().frame_bytes();
+        let mut bytes = vec![0; scene.readouts * whole];
+        reader.read_frames(scene.skip, &mut bytes)?;
+        let Some((first, _)) = self.band else { return Ok(bytes) };
+        let (from, own) = (first * self.geometry.width() / 8, self.geometry.frame_bytes());
+        Ok(bytes.chunks_exact(whole).flat_map(|f| &f[from..from + own]).copied().collect())
     }
 
     /// The entries of the vector.
@@ -192,14 +235,25 @@ impl Setup {
     /// One recording of the simulated set.
     pub(super) fn scene(&self, sample: &Sample, k: usize, seed: u64) -> Result<Scan> {
         let scene = &self.scenes[k];
-        let lamp = sample.lamps[k];
-        let seeds = Seeds { camera: seed, shot: seed ^ 0x5EED, sequence: k as u64 };
-        let mut camera = sample.camera.clone();
+        if let Some(still) = &scene.still {
+            return still.simulate(self.sized(&sample.camera), seeds(seed, k), scene);
+        }
+        scan_of(self.geometry, &self.bits(sample, k, seed)?, scene)
+    }
+
+    /// The camera at this set's size and rate.
+    fn sized(&self, camera: &Camera) -> Camera {
+        let mut camera = camera.clone();
         camera.sensor.geometry = self.geometry;
         camera.sensor.readout_hz = self.readout_hz;
-        if let Some(still) = &scene.still {
-            return still.simulate(camera, seeds, scene);
-        }
+        camera
+    }
+
+    /// The bits of one recording of the simulated set.
+    pub(super) fn bits(&self, sample: &Sample, k: usize, seed: u64) -> Result<Vec<u8>> {
+        let scene = &self.scenes[k];
+        let lamp = sample.lamps[k];
+        let (camera, seeds) = (self.sized(&sample.camera), seeds(seed, k));
         let plan = Plan::with_light(&camera, seeds, (scene.greatest() * lamp).max(0.01))?;
         let mut simulator = Simulator::of_plan(plan);
         let (bytes, width) = (self.geometry.frame_bytes(), self.geometry.width());
@@ -209,17 +263,27 @@ impl Setup {
             Light::Scene(Pattern::Square { half_period, .. }) => half_period as usize,
             _ => total,
         };
-        let mut at = 0;
-        while at < total {
-            let now = hold.min(total - at);
+        let (mut filled, mut at) = (0, 0);
+        while filled < total {
+            // A camera that drops readouts does not stop the light: edges then come early in the file.
+            let now = (hold - at % hold).min(total - filled);
             let level = |p: usize| scene.light.at(p / width, p % width, at as u64).unwrap_or(0.0);
             let samples: Vec<f32> = (0..self.geometry.pixels()).map(|p| (lamp * level(p)) as f32).collect();
-            simulator
-                .push(FrameRef::f32(&samples, self.geometry), &mut out[at * bytes..(at + now) * bytes])?;
+            let frame = FrameRef::f32(&samples, self.geometry);
+            filled += simulator.expose(frame, now, &mut out[filled * bytes..])?;
             at += now;
         }
-        Ok(scan(Packed::new(self.geometry, &out[scene.skip * bytes..])?, scene.dim(), scene.rows()))
+        out.drain(..scene.skip * bytes);
+        Ok(out)
     }
+}
+
+fn seeds(seed: u64, k: usize) -> Seeds {
+    Seeds { camera: seed, shot: seed ^ 0x5EED, sequence: k as u64 }
+}
+
+fn scan_of(geometry: Geometry, bytes: &[u8], scene: &Scene) -> Result<Scan> {
+    Ok(scan(Packed::new(geometry, bytes)?, scene.dim(), scene.rows()))
 }
 
 fn cut(readouts: usize, light: Light, part: Part) -> (usize, usize) {

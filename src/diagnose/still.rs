@@ -7,7 +7,7 @@ use super::setup::{Sample, Scene, Setup};
 use super::vector::Vector;
 use crate::calibrate::{RecordingSet, observe};
 use crate::draws::Seeds;
-use crate::effects::{Camera, Maps};
+use crate::effects::{Camera, find};
 use crate::error::{Error, Kind, Result};
 use crate::formats::Reader;
 use crate::measure::select_smooth;
@@ -18,6 +18,9 @@ use crate::spikes::Packed;
 /// Readouts before the recording, in which models that start in step lose it.
 const LEAD: usize = 200;
 
+/// Radius of the neighbourhood whose mean stands for the scene.
+const SURFACE: usize = 2;
+
 /// Fewest even, static pixels.
 const FEWEST: usize = 500;
 
@@ -26,6 +29,8 @@ const FEWEST: usize = 500;
 pub struct Still {
     /// Rate of every pixel, in spikes per readout.
     rates: Vec<f64>,
+    /// Means of the pixels around each: the scene without the pixels' own pattern.
+    surface: Vec<f64>,
     /// Pixels in even surroundings whose halves agree.
     even: Vec<usize>,
     /// Mean rate of those.
@@ -59,24 +64,52 @@ impl Still {
         }
         let mean = even.iter().map(|p| rates[*p]).sum::<f64>() / even.len() as f64;
         let brightest = rates.iter().copied().fold(0.0, f64::max);
-        Ok(Self { rates, even, mean, brightest })
+        let surface = crate::measure::box_means(&rates, geometry.width(), SURFACE);
+        Ok(Self { rates, surface, even, mean, brightest })
+    }
+
+    /// Even pixels within a range of pixels.
+    pub(super) fn even_in(&self, pixels: std::ops::Range<usize>) -> usize {
+        self.even.iter().filter(|p| pixels.contains(p)).count()
+    }
+
+    /// Keeps a range of pixels.
+    pub(super) fn cut(&mut self, pixels: std::ops::Range<usize>) {
+        self.rates = self.rates[pixels.clone()].to_vec();
+        self.surface = self.surface[pixels.clone()].to_vec();
+        self.even.retain(|p| pixels.contains(p));
+        self.even.iter_mut().for_each(|p| *p -= pixels.start);
+        self.mean = self.even.iter().map(|p| self.rates[*p]).sum::<f64>() / self.even.len().max(1) as f64;
+        self.brightest = self.rates.iter().copied().fold(0.0, f64::max);
     }
 
     /// Leaves only the even pixels in a scan.
     pub(super) fn keep(&self, scan: &mut Scan) {
+        let width = scan.geometry.width();
+        scan.contrast = self.contrast(scan, width);
         scan.pixels = self.even.iter().map(|p| scan.pixels[*p]).collect();
     }
 
-    /// The model's temporal noise at the measured rates, which hold the camera's own fixed pattern.
+    /// Robust deviation of a pixel's rate from that of the one to its right, relative: on an even
+    /// surface the camera's own pattern.
+    fn contrast(&self, scan: &Scan, width: usize) -> f64 {
+        let pairs = self.even.windows(2).filter(|w| w[1] == w[0] + 1 && w[1] % width != 0);
+        let rate = |p: usize| scan.pixels[p].rate;
+        let mut steps: Vec<f64> = pairs.map(|w| (rate(w[1]) - rate(w[0])).abs()).collect();
+        if steps.is_empty() { 0.0 } else { 1.4826 * crate::measure::median(&mut steps) / self.mean }
+    }
+
+    /// The model in front of the scene's surface: the measured rates without what pixels side by side differ by.
     pub(super) fn simulate(&self, camera: Camera, seeds: Seeds, scene: &Scene) -> Result<Scan> {
         let geometry = camera.sensor.geometry;
-        let flat = without_pattern(camera)?;
+        // Nobody knows where in their cycle the pixels were when the recording began.
+        let camera = camera.with(find("start_phase")?.neutral().with("share", 1.0)?);
         let light = |rate: &f64| {
-            let light = flat.operating(*rate).light;
+            let light = camera.operating(*rate).light;
             if light.is_finite() { light.clamp(0.0, 1.0) as f32 } else { 0.0 }
         };
-        let samples: Vec<f32> = self.rates.iter().map(light).collect();
-        let mut simulator = Simulator::of_plan(Plan::with_light(&flat, seeds, 1.0)?);
+        let samples: Vec<f32> = self.surface.iter().map(light).collect();
+        let mut simulator = Simulator::of_plan(Plan::with_light(&camera, seeds, 1.0)?);
         let mut bits = vec![0; LEAD * geometry.frame_bytes()];
         simulator.push(FrameRef::f32(&samples, geometry), &mut bits)?;
         bits.resize(scene.readouts * geometry.frame_bytes(), 0);
@@ -85,33 +118,6 @@ impl Still {
         self.keep(&mut found);
         Ok(found)
     }
-}
-
-fn without_pattern(camera: Camera) -> Result<Camera> {
-    let mut flat = camera;
-    flat.maps = Maps::default();
-    let spreads = [
-        "capacitor_mismatch",
-        "prnu",
-        "vignetting",
-        "dark_tail",
-        "hot_pixels",
-        "dead_pixels",
-        "column_pattern",
-        "row_pattern",
-        "smooth_prnu",
-        "edge_columns",
-        "gain_dark_correlation",
-    ];
-    for spread in spreads {
-        flat = flat.without(spread);
-    }
-    for name in ["bias_voltage", "dark_current"] {
-        if let Some(effect) = flat.effect(name).cloned() {
-            flat = flat.with(effect.with("sigma", 0.0)?);
-        }
-    }
-    Ok(flat)
 }
 
 /// Statistics of measured rate maps: the darkest and the brightest of them.

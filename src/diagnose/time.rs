@@ -45,12 +45,8 @@ pub(super) fn frames(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
         scan.changes.iter().map(|c| f64::from(*c)).sum::<f64>() / scan.changes.len().max(1) as f64;
     let equal = scan.changes.iter().filter(|c| f64::from(**c) < 0.4 * mean_changes).count() as f64;
     // With few spikes a readout resembles the one before by chance.
-    v.rare(
-        k,
-        "readouts equal to the one before",
-        if mean_changes > 0.002 * n { equal } else { 0.0 },
-        t as f64,
-    );
+    let equal = if mean_changes > 0.002 * n { equal } else { 0.0 };
+    v.rare(k, "readouts equal to the one before", equal);
     if scene.dim() && scene.brightness() > 0.0 {
         jumps(v, k, scan);
     }
@@ -76,9 +72,8 @@ fn jumps(v: &mut Vector, k: usize, scan: &Scan) {
         below += f64::from(u8::from(mean < -0.5)) / window as f64;
         above += f64::from(u8::from(mean > 0.5)) / window as f64;
     }
-    let t = scan.deviations.len() as f64;
-    v.rare(k, "moments with short intervals", below, t);
-    v.rare(k, "moments with long intervals", above, t);
+    v.rare(k, "moments with short intervals", below);
+    v.rare(k, "moments with long intervals", above);
 }
 
 /// Power of the readouts' totals over that of independent pixels, and lines in it.

@@ -31,12 +31,18 @@ impl Vector {
         self.values.push(if value.is_finite() { value } else { 0.0 });
     }
 
-    /// A count of rare events among `n`, in ten-thousandths: linear in their probability. One or two
-    /// are no news, which also keeps a law far from normal out of the limits.
-    pub fn rare(&mut self, recording: impl Into<Option<usize>>, name: &'static str, count: f64, n: f64) {
-        let share = 1e4 / n.max(1.0);
-        self.push(recording, name, count * share, 1.5 * share);
+    /// A count of rare events.
+    pub fn rare(&mut self, recording: impl Into<Option<usize>>, name: &'static str, count: f64) {
+        let (value, floor) = counted(count);
+        self.push(recording, name, value, floor);
     }
+}
+
+/// Twice the root of a count, whose deviation is one however many there are, so that sets with few
+/// and with many events are judged alike; and a floor. One or two events where there are usually
+/// none are no news, which also keeps a law far from normal out of the limits.
+pub(super) fn counted(count: f64) -> (f64, f64) {
+    (2.0 * (count.max(0.0) + 2.25).sqrt(), 0.6)
 }
 
 /// Logarithm of a quantity that may be zero.
@@ -55,10 +61,7 @@ pub(super) fn vector(setup: &Setup, scans: &[Scan]) -> Vector {
         }
         stability(&mut v, k, scan, scene.constant());
         if scene.still.is_some() {
-            // Totals and neighbours belong to the scene as well.
-            continue;
-        }
-        if scene.still.is_some() {
+            v.push(k, "pixels side by side, spread of rates", ln(scan.contrast), 5e-3);
             // Totals and neighbours belong to the scene as well.
             continue;
         }
@@ -77,10 +80,9 @@ pub(super) fn vector(setup: &Setup, scans: &[Scan]) -> Vector {
 
 fn intervals(v: &mut Vector, k: usize, scan: &Scan, dim: bool) {
     let pixels = &scan.pixels;
-    let spikes: f64 = pixels.iter().map(|p| f64::from(p.count)).sum();
     let off = |i: usize| pixels.iter().map(|p| f64::from(p.off_lattice[i])).sum::<f64>();
-    v.rare(k, "short intervals", off(0), spikes);
-    v.rare(k, "long intervals", off(1), spikes);
+    v.rare(k, "short intervals", off(0));
+    v.rare(k, "long intervals", off(1));
     if !dim {
         return;
     }
@@ -119,7 +121,7 @@ fn stability(v: &mut Vector, k: usize, scan: &Scan, constant: bool) {
     let square = |x: &[f64]| x.iter().map(|d| d.clamp(-6.0, 6.0).powi(2)).sum::<f64>() / n;
     v.push(k, "change between halves, variance", square(&change), 1e-3);
     let wild = change.iter().filter(|d| d.abs() > 2.5).count() as f64;
-    v.rare(k, "change between halves, tail", wild, n);
+    v.rare(k, "change between halves, tail", wild);
     if !constant {
         return;
     }

@@ -22,6 +22,8 @@ pub(crate) use state::{ADAPTED, LATE, LOW, SLOW};
 pub use state::{State, StateParts};
 pub use tables::{Flip, NoiseTable, Rules, Shot, Tables};
 
+use std::sync::LazyLock;
+
 use crate::draws::hash::Clock;
 use crate::draws::{Seeds, Stream, poisson};
 use crate::effects::{Camera, Model};
@@ -81,6 +83,9 @@ impl Clocks {
     }
 }
 
+/// The same for every plan, and slower to build than a small sensor's own tables.
+static COUNTS: LazyLock<poisson::Tables> = LazyLock::new(poisson::Tables::new);
+
 /// A validated plan: tables, rules and clocks. Running one cannot fail.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
@@ -93,7 +98,7 @@ pub struct Plan {
     further: Option<Further>,
     losses: Losses,
     clocks: Clocks,
-    counts: Option<poisson::Tables>,
+    counts: Option<&'static poisson::Tables>,
     bounds: Bounds,
     start: State,
 }
@@ -132,7 +137,7 @@ impl Plan {
         let (tables, rules, further) = tables::build(model, &scale, greatest_light)?;
         let losses = Losses::of(model);
         let start = state::start(model, seeds, &tables, &rules, further.as_ref(), losses);
-        let counts = tables.shot.as_ref().map(|_| poisson::Tables::new());
+        let counts = tables.shot.as_ref().map(|_| &*COUNTS);
         Ok(Self {
             geometry,
             seeds,
@@ -225,7 +230,7 @@ impl Plan {
     /// Tables for counts of few quanta, if the plan counts quanta.
     #[must_use]
     pub fn counts(&self) -> Option<&poisson::Tables> {
-        self.counts.as_ref()
+        self.counts
     }
 
     /// What fixed point adds to the law.

@@ -1,8 +1,10 @@
 //! Reports: one HTML file that needs nothing else, with plots and maps inside.
 
 mod plot;
+mod ranked;
 
 pub use plot::{Curve, bars, curves, heat_map};
+pub use ranked::{Row, ranked};
 
 use minijinja::{AutoEscape, Environment, context};
 use serde::Serialize;

@@ -87,6 +87,20 @@ pub struct Size {
 /// The study's size.
 pub const SMALL: Size = Size { width: 48, height: 48, readouts: 4000 };
 
+/// The large size.
+pub const LARGE: Size = Size { width: 128, height: 96, readouts: 10_000 };
+
+/// Whether a sensor of these numbers gives other bits than a clean one of the same seed; recordings in
+/// which most effects show come first.
+pub fn changes_bits(physics: &Physics, size: Size, seed: u64) -> bool {
+    let [own, clean] =
+        [physics.clone(), Physics::default()].map(|p| Sensor::new(p, size.width, size.height, seed));
+    [1, 6, 7, 0, 2, 3, 4, 5].into_iter().any(|k| {
+        let [a, b] = [&own, &clean].map(|s| run::record(s, SCENES[k].1, size.readouts, k as u64));
+        a != b
+    })
+}
+
 /// Writes the eight recordings of `sensor` and `recordings.toml` into `folder`; `take` numbers
 /// repeated sets of one sensor, whose temporal noise and lamp differ.
 pub fn write_set(sensor: &Sensor, size: Size, take: u64, folder: &Path) {

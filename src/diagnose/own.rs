@@ -1,0 +1,129 @@
+//! A fitted model judged by its own simulations.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::fit::Fit;
+use super::metric::Metric;
+use super::model::LAMP;
+use super::reference::{Reference, gamma_limit};
+use super::search::SOME;
+use crate::draws::pattern::Pattern;
+use crate::draws::{Seeds, Stream};
+use crate::error::Result;
+
+/// Simulations with redrawn numbers, and of the mean.
+const MANY: usize = 30;
+const MEAN: usize = 12;
+
+/// What simulations of the fitted model itself look like.
+pub(super) struct Own {
+    pub metric: Metric,
+    /// Limit and median of the total misfit in the first round's metric.
+    pub floor: f64,
+    pub floor_sd: f64,
+    pub misfit_limit: f64,
+    pub deviation_limit: f64,
+    pub mean: DVector<f64>,
+    /// By how much the fit of such a simulation misses each of its numbers.
+    pub deviations: Vec<f64>,
+}
+
+impl Own {
+    pub fn alarm(&self, off: &DVector<f64>) -> bool {
+        let largest = self.metric.scores(off).into_iter().fold(0.0_f64, |m, z| m.max(z.abs()));
+        self.metric.square(off) > self.misfit_limit || largest > self.deviation_limit
+    }
+}
+
+/// A simulation and how far its numbers lie from the fitted ones.
+struct Redrawn {
+    moved: DVector<f64>,
+    vector: DVector<f64>,
+}
+
+impl Reference {
+    pub(super) fn own_of_base(&self) -> Own {
+        let lengths: Vec<f64> = self.baseline.iter().map(|b| self.metric.square(&(b - &self.mean))).collect();
+        let (floor, floor_sd) = centre(&lengths);
+        Own {
+            metric: self.metric.clone(),
+            floor,
+            floor_sd,
+            misfit_limit: self.limits.misfit,
+            deviation_limit: self.limits.deviation,
+            mean: self.mean.clone(),
+            deviations: self.metric.covariance().diagonal().iter().map(|v| v.sqrt()).collect(),
+        }
+    }
+
+    /// The fitted model judged by itself: its numbers redrawn from their posterior.
+    pub(super) fn own(&self, fit: &mut Fit, data: &DVector<f64>) -> Result<Own> {
+        self.evaluate(fit, data, MEAN)?;
+        self.derive(fit, SOME / 2)?;
+        let redrawn = self.redrawn(fit)?;
+        let mean = fit.mean.clone();
+        let each: Vec<DVector<f64>> = redrawn.iter().map(|r| r.vector.clone()).collect();
+        let noise = self.noise.scaled(&self.factors(&each, &mean, each.len() as f64))?;
+        let metric = Metric::new(&noise, fit.directions(self));
+        let squares: Vec<f64> = each.iter().map(|s| metric.square(&(s - &mean))).collect();
+        let largest =
+            |s: &DVector<f64>| metric.scores(&(s - &mean)).into_iter().fold(0.0_f64, |m, z| m.max(z.abs()));
+        let highest = each.iter().map(largest).fold(0.0, f64::max);
+        let lengths: Vec<f64> = each.iter().map(|s| self.metric.square(&(s - &mean))).collect();
+        let (floor, floor_sd) = centre(&lengths);
+        Ok(Own {
+            floor,
+            floor_sd,
+            // The mean itself is known to a part of the noise only.
+            misfit_limit: (1.1 * gamma_limit(&squares)).max(self.limits.misfit),
+            deviation_limit: (1.15 * highest).max(self.limits.deviation),
+            deviations: missed(&metric, &redrawn, &mean),
+            metric,
+            mean,
+        })
+    }
+
+    fn redrawn(&self, fit: &Fit) -> Result<Vec<Redrawn>> {
+        let lamps = self.model.lamps.len();
+        let rough = Metric::new(&self.noise, fit.directions(self));
+        let n = fit.u.len();
+        let root = rough.covariance().cholesky().map_or_else(|| DMatrix::zeros(n, n), |c| c.l());
+        let one = |i: usize| -> Result<Redrawn> {
+            let seed = self.seed + 50_000 + i as u64;
+            let mut normals =
+                Pattern::new(Seeds { camera: seed, shot: 0, sequence: 0 }, Stream::named("own")).normals();
+            let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
+            let wanted = &root * draw(n);
+            let off = draw(lamps) * LAMP;
+            let u: Vec<f64> = (0..n).map(|j| fit.model.knobs[j].clamped(fit.u[j] + wanted[j])).collect();
+            let sample = fit.model.sample(&u, off.as_slice(), self.setup.scenes.len())?;
+            let moved = DVector::from_fn(n, |j, _| u[j] - fit.u[j]);
+            Ok(Redrawn { moved, vector: DVector::from_vec(self.setup.values(&sample, seed)?) })
+        };
+        (0..MANY).into_par_iter().map(one).collect()
+    }
+}
+
+/// A parametric bootstrap of the last linear fit: each redrawn sensor is fitted as the data are, and
+/// its own numbers are known. It holds what variances alone cannot: noise that moves many statistics
+/// at once, such as the number of hot pixels that a sensor happens to have.
+fn missed(metric: &Metric, redrawn: &[Redrawn], mean: &DVector<f64>) -> Vec<f64> {
+    let errors: Vec<DVector<f64>> =
+        redrawn.iter().map(|r| metric.fit(&(&r.vector - mean)) - &r.moved).collect();
+    let linear = metric.covariance();
+    let n = errors.len() as f64;
+    let of_knob = |j: usize| {
+        let square = errors.iter().map(|e| e[j] * e[j]).sum::<f64>() / n;
+        // The model's mean has noise of its own.
+        (square * (1.0 + 1.0 / MEAN as f64)).max(linear[(j, j)]).sqrt()
+    };
+    (0..linear.nrows()).map(of_knob).collect()
+}
+
+fn centre(values: &[f64]) -> (f64, f64) {
+    let median = crate::measure::median(&mut values.to_vec());
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    (median, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
+}

@@ -1,0 +1,105 @@
+//! What a set looks like: maps, spectra and intervals for the report, of the data and of a model.
+
+use super::lines::lines;
+use super::model::Model;
+use super::reference::Reference;
+use super::scan::Scan;
+use super::setup::{Sample, Setup};
+use super::time::power;
+use crate::calibrate::RecordingSet;
+use crate::error::Result;
+use crate::spikes::{Packed, bit};
+
+/// Bins of an interval's length over its pixel's mean, up to [`LONGEST`].
+const BINS: usize = 40;
+const LONGEST: f64 = 2.0;
+
+/// Points of a spectrum, equally spaced in the frequency's logarithm.
+const POINTS: usize = 60;
+
+/// The name of a recording, and the points of a curve.
+pub type Trace = (String, Vec<(f64, f64)>);
+
+/// One set, seen.
+#[derive(Clone, Debug, Default)]
+pub struct Picture {
+    /// Pixels in a row, where there are maps.
+    pub width: Option<usize>,
+    /// Gain, and dark current in thresholds per readout, of every pixel, top row first; empty without flats.
+    pub maps: Option<[Vec<f64>; 2]>,
+    /// Name of the recording that the spectrum is of, with frequency in hertz and power over the one
+    /// of independent pixels.
+    pub spectrum: Option<Trace>,
+    /// Name of the recording that the intervals are of, with length over the pixel's mean and share.
+    pub intervals: Option<Trace>,
+}
+
+/// Pictures of the data, of the base model and of the final one.
+pub(super) fn pictures(
+    reference: &Reference,
+    set: &RecordingSet,
+    scans: &[Scan],
+    last: (&Model, &[f64]),
+) -> Result<Vec<(&'static str, Picture)>> {
+    let setup = &reference.setup;
+    if setup.maps || setup.scenes.iter().any(|s| s.still.is_some()) {
+        return Ok(Vec::new());
+    }
+    let base = reference.model.sample(&[], &[], setup.scenes.len())?;
+    let model = last.0.sample(last.1, &[], setup.scenes.len())?;
+    let data = picture(setup, scans, |k| setup.read(set, k))?;
+    let simulated = |sample: &Sample| {
+        let seed = reference.seed + 90_000;
+        picture(setup, &setup.simulate(sample, seed)?, |k| setup.bits(sample, k, seed))
+    };
+    Ok(vec![("recordings", data), ("model before", simulated(&base)?), ("model after", simulated(&model)?)])
+}
+
+fn picture(setup: &Setup, scans: &[Scan], bits: impl Fn(usize) -> Result<Vec<u8>>) -> Result<Picture> {
+    let flats = || setup.scenes.iter().enumerate().filter_map(|(k, s)| Some((k, s.level()?)));
+    let lit = flats().filter(|f| f.1 > 0.0).min_by(|a, b| a.1.total_cmp(&b.1));
+    let middle = flats().filter(|f| f.1 > 0.0).min_by(|a, b| (a.1 - 0.5).abs().total_cmp(&(b.1 - 0.5).abs()));
+    let intervals = match lit {
+        Some((k, _)) => Some((setup.scenes[k].name.clone(), lengths(setup, &bits(k)?)?)),
+        None => None,
+    };
+    Ok(Picture {
+        width: Some(setup.geometry.width()),
+        maps: lines(setup, scans).map(|l| [l.gain, l.dark]),
+        spectrum: middle
+            .map(|(k, _)| (setup.scenes[k].name.clone(), smooth(&scans[k].totals, setup.readout_hz))),
+        intervals,
+    })
+}
+
+/// Shares of intervals by their length over their own pixel's mean.
+fn lengths(setup: &Setup, bytes: &[u8]) -> Result<Vec<(f64, f64)>> {
+    let frames = Packed::new(setup.geometry, bytes)?;
+    let mut bins = [0.0; BINS];
+    for p in 0..setup.geometry.pixels() {
+        let times: Vec<usize> =
+            frames.frames().enumerate().filter(|(_, f)| bit(f, p)).map(|(t, _)| t).collect();
+        let (Some(first), Some(last)) = (times.first(), times.last()) else { continue };
+        let mean = (last - first) as f64 / (times.len() - 1).max(1) as f64;
+        for pair in times.windows(2) {
+            let place = (pair[1] - pair[0]) as f64 / mean / LONGEST * BINS as f64;
+            bins[(place as usize).min(BINS - 1)] += 1.0;
+        }
+    }
+    let all = bins.iter().sum::<f64>().max(1.0);
+    Ok(bins.iter().enumerate().map(|(i, n)| ((i as f64 + 0.5) * LONGEST / BINS as f64, n / all)).collect())
+}
+
+/// Mean power in bands of equal ratio.
+fn smooth(totals: &[u32], readout_hz: f64) -> Vec<(f64, f64)> {
+    let power = power(totals);
+    let n = totals.len().max(1) as f64;
+    let edge = |i: usize| (power.len() as f64).powf(i as f64 / POINTS as f64);
+    let band = |i: usize| {
+        let (from, to) = (edge(i).floor() as usize, edge(i + 1).ceil() as usize);
+        let part = power.get(from.max(1)..to.min(power.len()))?;
+        let mean = part.iter().sum::<f64>() / part.len() as f64;
+        (!part.is_empty()).then(|| ((edge(i) * edge(i + 1)).sqrt() * readout_hz / n, mean))
+    };
+    (0..POINTS).filter_map(band).collect()
+}
