@@ -7,7 +7,8 @@ use spikelane::effects::find;
 use spikelane::kernels::{self, Backend, Batch, Job, Light, Samples, Segment};
 use spikelane::{Camera, Plan, Sensor};
 
-const READOUTS: usize = 19;
+/// Enough for counts to be drawn together.
+const READOUTS: usize = 23;
 const GUARD: usize = 64;
 
 /// Cameras that reach every case of the body.
@@ -38,6 +39,7 @@ fn cameras(width: u32, height: u32) -> Vec<Camera> {
         shot.clone().with(often.clone()).without("saturation_clamp"),
         shot.clone().with(typical("thermal_noise")),
         shot.clone().with(typical("dead_time")).with(typical("false_spikes")).with(typical("missed_spikes")),
+        few.clone(),
         few.with(typical("partial_reset")),
         general,
         ideal,
@@ -97,7 +99,9 @@ fn tails_of_every_length_stay_inside_their_buffers() {
         for camera in cameras(width, height) {
             let plan = Plan::with_light(&camera, Seeds { camera: 1, shot: 2, sequence: 3 }, 1.0).unwrap();
             let pixels = (width * height) as usize;
-            let grey = |t: usize| -> Box<[u8]> { (0..pixels).map(|p| (p * 37 + t * 91 + 9) as u8).collect() };
+            // Every fourth pixel in the dark: few quanta.
+            let level = |p: usize, t: usize| if p % 4 == 1 { 0 } else { (p * 37 + t * 91 + 9) as u8 };
+            let grey = |t: usize| -> Box<[u8]> { (0..pixels).map(|p| level(p, t)).collect() };
             let bytes: Vec<_> = (0..3).map(grey).collect();
             let shorts: Vec<Box<[u16]>> =
                 bytes.iter().map(|b| b.iter().map(|v| u16::from(*v) * 257).collect()).collect();
