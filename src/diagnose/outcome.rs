@@ -178,7 +178,7 @@ pub(super) fn outcome(
         let share = round.map_or(0.0, |r| r.share);
         let after = found.train.get(i + 1).copied().unwrap_or(0.0);
         let evidence = format!(
-            "the misfit falls from {:.0} to {after:.0} ({:.0} held out: {:.0})",
+            "the misfit goes from {:.0} to {after:.0} ({:.0} held out: {:.0})",
             found.train.get(i).copied().unwrap_or(0.0),
             found.heldout.get(i).copied().unwrap_or(0.0),
             found.heldout.get(i + 1).copied().unwrap_or(0.0),
