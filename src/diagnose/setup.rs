@@ -93,7 +93,7 @@ pub struct Setup {
     pub scenes: Vec<Scene>,
     /// Whether rate maps stand in place of recordings.
     pub maps: bool,
-    /// First row and rows that are looked at, where a still scene is larger than [`LARGEST`].
+    /// First row and rows that are looked at, where a still scene is larger than 20,000 pixels.
     pub band: Option<(usize, usize)>,
 }
 
