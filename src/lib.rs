@@ -48,6 +48,7 @@ pub mod effects;
 pub mod error;
 #[cfg(feature = "files")]
 pub mod formats;
+mod interpolation;
 pub mod kernels;
 pub mod light;
 pub mod measure;

@@ -78,30 +78,30 @@ fn noise_of(width: u32, height: u32, readouts: u32, cameras: u64) -> Vec<[f64; 3
     (0..cameras).map(one).collect()
 }
 
-/// Every camera within three standard errors; their means within `means` of theirs, in the order of the names.
-fn check_noise(width: u32, height: u32, readouts: u32, cameras: u64, means: [f64; 3]) {
+/// Every camera within three standard errors, and their means within three of theirs.
+fn check_noise(width: u32, height: u32, readouts: u32, cameras: u64) {
     let all = noise_of(width, height, readouts, cameras);
     for (i, name) in ["spread of thresholds", "threshold noise", "electrons"].into_iter().enumerate() {
         let off: Vec<f64> = all.iter().map(|z| z[i]).collect();
         let mean = off.iter().sum::<f64>() / off.len() as f64 * (off.len() as f64).sqrt();
         println!("{name}: {off:.2?} standard errors, their mean {mean:+.2} of its own");
         assert!(off.iter().all(|z| z.abs() < 3.0), "{name}: {off:.2?}");
-        assert!(mean.abs() < means[i], "{name}: {off:.2?}");
+        assert!(mean.abs() < 3.0, "{name}: {off:.2?}");
     }
 }
 
 #[test]
 fn noise_lies_within_its_errors_for_many_cameras() {
     // Six cameras together know threshold noise to 0.5 % and electrons to 2 %.
-    check_noise(64, 40, 10_000, 6, [3.0; 3]);
+    check_noise(64, 40, 10_000, 6);
 }
 
 #[test]
-#[ignore = "whole sensors take minutes; the figures of docs/calibration.md"]
+#[ignore = "takes minutes, and fails: the mean number of photons is 1.4 % high (docs/calibration.md)"]
 fn noise_of_whole_sensors_lies_within_its_errors() {
     // Photons come out 1.4 % high: the phase variance of the dimmest lit level is 0.55 % below that of
     // independent draws (docs/calibration.md). Six cameras see 0.27 %.
-    check_noise(400, 250, 10_000, 6, [3.0, 3.0, 6.0]);
+    check_noise(400, 250, 10_000, 6);
 }
 
 #[test]

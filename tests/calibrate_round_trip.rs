@@ -92,7 +92,7 @@ fn every_statistic_survives_calibration_and_simulation() {
 }
 
 #[test]
-#[ignore = "a whole sensor takes minutes and 1 GB of disk; the figures of docs/calibration.md"]
+#[ignore = "takes minutes and 1 GB of disk, and fails for the same photons as the recovery (docs/calibration.md)"]
 fn every_statistic_of_a_whole_sensor_survives() {
     let all = compare(400, 250, 10_000, 6);
     print(&all);

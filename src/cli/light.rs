@@ -9,7 +9,7 @@ use spikelane::light::open;
 use spikelane::light::{
     Chart, Fit, Insertion, Motion, Moving, Objects, Options, Rate, Source, Timeline, Transfer,
 };
-use spikelane::scene::{self, Lighting, Scene, SceneOptions};
+use spikelane::scene::{self, KeyPlan, Lighting, Scene, SceneOptions};
 use spikelane::simulate::LightFacts;
 use spikelane::{Camera, Error, Kind, Result};
 
@@ -193,20 +193,20 @@ impl LightArgs {
         let scene = Scene::random(self.scene_seed.unwrap_or(DEFAULT_SCENE), &options)?;
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let drive = Drive::new(scene, rate, frames, None, scene::Samples::Four, threads)?;
-        let warning = self.too_fast(drive.plan().max_px_per_readout, rate, readout);
+        let warning = self.too_fast(drive.plan(), rate, readout);
         let source = Box::new(drive);
         Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate), warning })
     }
 
     /// What to say where the picture moves by more than half a pixel: from one frame to the next,
     /// or even from one readout to the next.
-    fn too_fast(&self, px_per_frame: f64, rate: Rate, readout: Rate) -> Option<String> {
-        const BOUND_PX: f64 = 0.5;
+    fn too_fast(&self, plan: &KeyPlan, rate: Rate, readout: Rate) -> Option<String> {
         // A tenth more is not worth a word: it is the fastest point of the whole drive.
-        if px_per_frame <= 1.1 * BOUND_PX || self.insertion != Insertion::Hold {
+        let needed = plan.needed_hz(rate.hz());
+        if needed <= 1.1 * rate.hz() || self.insertion != Insertion::Hold {
             return None;
         }
-        let needed = (px_per_frame / BOUND_PX * rate.hz()).ceil();
+        let px_per_frame = plan.max_px_per_readout;
         let remedy = if needed <= readout.hz() {
             format!("--source-hz {needed} draws it often enough")
         } else {

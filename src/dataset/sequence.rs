@@ -187,7 +187,7 @@ fn drive(
         "image_readouts": "the number in the file's name", "clear_readout": middle,
         "label_readouts": labelled, "max_px_per_readout": plan.max_px_per_readout,
         "key_frames": plan.keys.len(), "too_fast": plan.too_fast(),
-        "needed_readout_hz": (2.0 * plan.max_px_per_readout * rate.hz()).ceil() as u64,
+        "needed_readout_hz": plan.needed_hz(rate.hz()) as u64,
         "frames_beyond_greatest_light": outcome.too_bright,
     });
     Ok((about, outcome.readouts))

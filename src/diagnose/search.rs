@@ -186,19 +186,9 @@ impl Reference {
         fits.sort_by(|a, b| a.price().total_cmp(&b.price()));
         // Near the front, once more and with less noise.
         let front = fits[0].price() + 0.07 * (fit.price() - fits[0].price()).max(0.0) + 40.0;
-        let (close, far): (Vec<Fit>, Vec<Fit>) = fits
-            .into_iter()
-            .enumerate()
-            .map(|(i, f)| (i < FINAL && f.price() < front, f))
-            .fold((Vec::new(), Vec::new()), |(mut close, mut far), (near, f)| {
-                if near {
-                    close.push(f)
-                } else {
-                    far.push(f)
-                }
-                (close, far)
-            });
-        let again = close.into_par_iter().map(|f| self.refine(f, data, 3, SOME));
+        let near = fits.iter().take(FINAL).take_while(|f| f.price() < front).count();
+        let far = fits.split_off(near);
+        let again = fits.into_par_iter().map(|f| self.refine(f, data, 3, SOME));
         let mut fits = again.collect::<Result<Vec<_>>>()?;
         fits.sort_by(|a, b| a.price().total_cmp(&b.price()));
         let best = fits.swap_remove(0);

@@ -114,8 +114,8 @@ const fn words(start: i16) -> [i16; 32] {
 }
 
 /// Positions of the even and odd words of two vectors.
-static EVEN: [i16; 32] = words(0);
-static ODD: [i16; 32] = words(1);
+pub(super) static EVEN: [i16; 32] = words(0);
+pub(super) static ODD: [i16; 32] = words(1);
 
 const fn interleave(start: i16) -> [i16; 32] {
     let mut index = [0; 32];

@@ -1,7 +1,6 @@
 //! Poisson counts with 512-bit vectors: one pixel at 64 readouts together.
 //!
-//! A gather looks up sixteen entries in some thirty cycles, more than all else of a readout. But
-//! under held light a pixel draws all its counts from the same two tables of 128 columns, and
+//! Two gathers, of sixteen entries each, take more than all else of a readout of 32 pixels. But under held light a pixel draws all its counts from the same two tables of 128 columns, and
 //! the byte permutation looks 64 of them up at once. So the counts are drawn along the readouts
 //! and turned afterwards.
 //!
@@ -14,7 +13,7 @@ use std::arch::x86_64::*;
 
 use crate::draws::hash::Round;
 use crate::draws::poisson::COLUMNS;
-use crate::kernels::avx512::Avx512;
+use crate::kernels::avx512::{Avx512, EVEN, ODD};
 use crate::kernels::lanes::{COUNTED, CountDraw, MOST_COUNTS};
 
 const PIXELS: usize = 32;
@@ -34,19 +33,6 @@ const fn parts(part: u32) -> [[u32; 16]; 2] {
     }
     index
 }
-
-const fn halves(start: u16) -> [u16; 32] {
-    let mut index = [0; 32];
-    let mut i = 0;
-    while i < 32 {
-        index[i] = start + 2 * i as u16;
-        i += 1;
-    }
-    index
-}
-
-/// Low and high words of two vectors of 32-bit words.
-static HALVES: [[u16; 32]; 2] = [halves(0), halves(1)];
 
 /// The readout of byte `b` of a packed pair.
 const fn order(b: usize) -> usize {
@@ -146,7 +132,7 @@ fn bits(key: u32, words: &Words) -> [__m512i; 4] {
 #[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
 #[inline]
 fn counts_of(rows: [&[[u8; COLUMNS]; 3]; 2], share: u32, x: [__m512i; 4]) -> __m512i {
-    let (low, high) = (load(&HALVES[0]), load(&HALVES[1]));
+    let (low, high) = (load(&EVEN), load(&ODD));
     values!({
         let low = [_mm512_permutex2var_epi16(x[0], low, x[1]), _mm512_permutex2var_epi16(x[2], low, x[3])];
         let high = [_mm512_permutex2var_epi16(x[0], high, x[1]), _mm512_permutex2var_epi16(x[2], high, x[3])];

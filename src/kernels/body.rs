@@ -26,7 +26,7 @@ use std::ops::Range;
 use crate::kernels::bare::bare;
 use crate::kernels::general::general;
 use crate::kernels::increment::{Fine, Increment, Sample, cut_off, sample};
-use crate::kernels::lanes::{COUNTED, Lanes, MOST_COUNTS};
+use crate::kernels::lanes::{COUNTED, Lanes};
 use crate::kernels::pass::{Pass, Row, Rows, passes};
 use crate::kernels::pixels::{Constants, Pixels};
 use crate::kernels::rare;
@@ -303,14 +303,14 @@ fn stretch<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
     if increment.any_fine
         && let Some(fine) = Fine::new(l, job, c.p, light)
     {
-        let mut drawn = [0; MOST_COUNTS];
+        let mut buffer = None;
         let mut start = readouts.start;
         while start < readouts.end {
             let block = start..readouts.end.min(start + COUNTED);
             start = block.end;
-            let counts = !ANY && fine.draw(l, job, c.p, block.clone(), &mut drawn);
+            let drawn: &[u8] = if ANY { &[] } else { fine.draw(l, job, c.p, block.clone(), &mut buffer) };
             for (i, row) in Rows::new(job, block, out).enumerate() {
-                let counts = if counts { &drawn[i * L::N..][..L::N] } else { &[] };
+                let counts = drawn.get(i * L::N..(i + 1) * L::N).unwrap_or(&[]);
                 let row = Row { counts, ..row };
                 let fired = any::<L, NOISE, STORE, ANY>(l, job, &row, c, &increment, Some(&fine), pixels);
                 l.store_bits(row.bits, at / 8, fired);

@@ -136,24 +136,25 @@ impl<L: Lanes> Fine<L> {
 const WORTH: usize = 20;
 
 impl<L: Lanes> Fine<L> {
-    /// Draws the counts of `readouts`, at most [`COUNTED`], together where that is faster; false, with nothing done,
-    /// where it is not.
+    /// Draws the counts of `readouts`, at most [`COUNTED`], together where that is faster, readout by readout; nothing where
+    /// it is not. The buffer is made when it is first needed: to clear it costs as much as some readouts.
     #[inline(always)]
-    pub fn draw(
+    pub fn draw<'b>(
         &self,
         l: L,
         job: &Job<'_>,
         p: usize,
         readouts: Range<usize>,
-        to: &mut [u8; MOST_COUNTS],
-    ) -> bool {
+        buffer: &'b mut Option<[u8; MOST_COUNTS]>,
+    ) -> &'b [u8] {
         if !L::COUNTS || readouts.len() < WORTH {
-            return false;
+            return &[];
         }
-        let (Some(shot), Some(tables)) = (&job.plan.tables().shot, job.plan.counts()) else { return false };
+        let (Some(shot), Some(tables)) = (&job.plan.tables().shot, job.plan.counts()) else { return &[] };
+        let to = buffer.get_or_insert([0; MOST_COUNTS]);
         let (keys, rounds) = (&shot.keys[p..p + L::N], &job.batch.rounds().counts[readouts]);
         l.counts(&CountDraw { tables, keys, rounds }, self.table, self.share, to);
-        true
+        to
     }
 }
 

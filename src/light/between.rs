@@ -8,6 +8,7 @@
 //! it. Where the motion found explains the two frames no better than standing still, light blends.
 
 use crate::error::{Error, Kind, Result};
+use crate::interpolation::catmull_rom;
 use crate::light::{Frame, Samples};
 use crate::spikes::Geometry;
 
@@ -39,7 +40,7 @@ impl Plane {
     fn at(&self, x: f32, y: f32) -> f32 {
         let (x, y) = (x.clamp(0.0, (self.w - 1) as f32), y.clamp(0.0, (self.h - 1) as f32));
         let (c, r) = (x as usize, y as usize);
-        let (across, down) = (weights(x - c as f32), weights(y - r as f32));
+        let (across, down) = (catmull_rom(x - c as f32), catmull_rom(y - r as f32));
         let near = |i: usize, k: usize, n: usize| (i + k).saturating_sub(1).min(n - 1);
         let columns: [usize; 4] = std::array::from_fn(|k| near(c, k, self.w));
         let mut sum = 0.0;
@@ -85,17 +86,6 @@ impl Plane {
         };
         (all(&x), all(&y))
     }
-}
-
-/// Weights of the four pixels around a place `t` beyond the second.
-fn weights(t: f32) -> [f32; 4] {
-    let (t2, t3) = (t * t, t * t * t);
-    [
-        0.5 * (2.0 * t2 - t - t3),
-        0.5 * (2.0 - 5.0 * t2 + 3.0 * t3),
-        0.5 * (t + 4.0 * t2 - 3.0 * t3),
-        0.5 * (t3 - t2),
-    ]
 }
 
 /// Running means along `count` lines of `n` values, `step` apart, the lines `line` apart.

@@ -194,8 +194,7 @@ impl Source for Objects {
         if self.next >= self.frames {
             return Ok(false);
         }
-        let (num, den) = self.rate.parts();
-        *into = self.frame_at(self.next as f64 * den as f64 / num as f64);
+        *into = self.frame_at(self.rate.seconds(self.next));
         self.next += 1;
         Ok(true)
     }

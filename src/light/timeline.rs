@@ -36,6 +36,12 @@ impl Rate {
         (self.num, self.den)
     }
 
+    /// Seconds from frame 0 to frame `frame`.
+    #[must_use]
+    pub fn seconds(self, frame: u64) -> f64 {
+        frame as f64 * self.den as f64 / self.num as f64
+    }
+
     /// The rate in hertz, as near as a float comes.
     #[must_use]
     pub fn hz(self) -> f64 {

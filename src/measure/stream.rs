@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::formats::Reader;
 use crate::spikes::Packed;
 
-/// Readouts read at a time: what an accumulator buffers.
+/// Readouts read at a time: two turns of an accumulator's counters, a quarter of what it buffers at most.
 const BATCH: usize = 496;
 
 /// Statistics of a whole stream, bands of rows side by side.

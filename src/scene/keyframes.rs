@@ -34,6 +34,12 @@ impl KeyPlan {
     pub fn too_fast(&self) -> bool {
         self.max_px_per_readout > BOUND_PX
     }
+
+    /// Readouts a second from which on neighbours differ by half a pixel at most, where `readout_hz` was planned for.
+    #[must_use]
+    pub fn needed_hz(&self, readout_hz: f64) -> f64 {
+        (self.max_px_per_readout / BOUND_PX * readout_hz).ceil()
+    }
 }
 
 impl Scene {

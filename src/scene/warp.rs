@@ -5,6 +5,7 @@
 //! only changes (a flickering lamp, a moving highlight) is interpolated.
 
 use crate::error::{Error, Kind, Result};
+use crate::interpolation::catmull_rom;
 
 use super::Scene;
 use super::render::{Labels, Rendered};
@@ -72,23 +73,12 @@ fn moved(scene: &Scene, key: &Rendered, t: f64) -> Vec<f32> {
     out
 }
 
-/// Catmull-Rom weights of the four samples around a fraction.
-fn weights(t: f32) -> [f32; 4] {
-    let (t2, t3) = (t * t, t * t * t);
-    [
-        0.5 * (2.0 * t2 - t - t3),
-        0.5 * (2.0 - 5.0 * t2 + 3.0 * t3),
-        0.5 * (t + 4.0 * t2 - 3.0 * t3),
-        0.5 * (t3 - t2),
-    ]
-}
-
 /// The image between pixels: bicubic, held within the four nearest, so that a
 /// lamp leaves no dark ring.
 fn sample(light: &[f32], labels: &Labels, x: f32, y: f32) -> f32 {
     let (w, h) = (labels.width as isize, labels.height as isize);
     let (x0, y0) = (x.floor(), y.floor());
-    let (wx, wy) = (weights(x - x0), weights(y - y0));
+    let (wx, wy) = (catmull_rom(x - x0), catmull_rom(y - y0));
     let (x0, y0) = (x0 as isize, y0 as isize);
     let (mut sum, mut low, mut high) = (0.0, f32::MAX, f32::MIN);
     for j in 0..4isize {
