@@ -29,6 +29,7 @@ mod rare;
 pub mod reference;
 mod reference_further;
 mod step;
+mod wide_lanes;
 
 pub use backend::Backend;
 pub use batch::{Batch, Job, Light, NoiseRound, Rounds, Samples, Segment};

@@ -1,14 +1,14 @@
 //! The `wide` crate's vectors, with whatever instructions the crate was compiled for.
 
-use wide::{f32x8, i8x32, i16x16, i32x8, u32x8};
-
-use crate::draws::gauss;
 use crate::kernels::Job;
 use crate::kernels::body::{self, by_case};
 use crate::kernels::lanes::Lanes;
+use crate::kernels::wide_lanes::{
+    self, Floats, MASKS, N, Shorts, UnsignedShorts, UnsignedWords, Words, mapped,
+};
 use crate::plan::StateParts;
 
-/// Vectors of sixteen pixels.
+/// Vectors of 16 or 32 pixels.
 #[derive(Clone, Copy, Debug)]
 struct Portable;
 
@@ -22,61 +22,27 @@ fn enter<const CASE: u8>(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u
     body::run::<_, CASE>(Portable, job, state, out);
 }
 
-type Pair = [i32x8; 2];
-type PairF = [f32x8; 2];
-
-/// Whether a byte shuffle is an instruction; looking bytes up is quicker than emulating it.
-const SHUFFLES: bool =
-    cfg!(any(target_feature = "ssse3", target_feature = "neon", target_feature = "simd128"));
-
-/// The weighted part that each byte has in a draw, for the low and the high byte.
-static BYTES: [[i16; 256]; 2] = [weighted(0), weighted(1)];
-
-const fn weighted(byte: usize) -> [i16; 256] {
-    let mut table = [0; 256];
-    let mut b = 0;
-    while b < 256 {
-        let sum = gauss::LOW[b & 15] as i16 + gauss::HIGH[b >> 4] as i16;
-        table[b] = sum * gauss::WEIGHTS[byte];
-        b += 1;
-    }
-    table
-}
+type Pair = [Words; 2];
+type PairF = [Floats; 2];
 
 #[inline(always)]
-fn pairs(a: i16x16) -> u32x8 {
+fn pairs(a: Shorts) -> UnsignedWords {
     bytemuck::cast(a)
 }
 
 #[inline(always)]
-fn halves(a: u32x8) -> i16x16 {
+fn halves(a: UnsignedWords) -> Shorts {
     bytemuck::cast(a)
 }
 
 #[inline(always)]
-fn unsigned(a: i32x8) -> u32x8 {
+fn unsigned(a: Words) -> UnsignedWords {
     bytemuck::cast(a)
 }
 
 #[inline(always)]
-fn signed(a: u32x8) -> i32x8 {
+fn signed(a: UnsignedWords) -> Words {
     bytemuck::cast(a)
-}
-
-/// Every value of an array, by a loop: `map` and `from_fn` are compiled apart
-/// in so large a function, and then cost a call for each vector.
-macro_rules! mapped {
-    ([$($zero:tt)*], $v:ident in $values:expr => $e:expr) => {{
-        let values = $values;
-        let mut out = [$($zero)*];
-        let mut i = 0;
-        while i < values.len() {
-            let $v = values[i];
-            out[i] = $e;
-            i += 1;
-        }
-        out
-    }};
 }
 
 #[inline(always)]
@@ -85,154 +51,137 @@ fn each<T: Copy>(a: [T; 2], b: [T; 2], f: impl Fn(T, T) -> T) -> [T; 2] {
 }
 
 #[inline(always)]
-fn sixteen<T: Copy>(from: &[T], at: usize) -> [T; 16] {
-    let mut out = [from[at]; 16];
-    out.copy_from_slice(&from[at..at + 16]);
+fn several<T: Copy>(from: &[T], at: usize) -> [T; N] {
+    let mut out = [from[at]; N];
+    out.copy_from_slice(&from[at..at + N]);
     out
 }
 
-#[inline(always)]
-fn shuffled(bits: i16x16) -> i16x16 {
-    let table = |t: [i8; 16]| -> i8x32 {
-        let mut twice = [0; 32];
-        twice[..16].copy_from_slice(&t);
-        twice[16..].copy_from_slice(&t);
-        i8x32::new(twice)
-    };
-    let mask = i8x32::splat(15);
-    let low: i8x32 = bytemuck::cast(bits);
-    let high: i8x32 = bytemuck::cast(bits.unbounded_shr_scalar(4));
-    let sum: i16x16 = bytemuck::cast(
-        table(gauss::LOW).swizzle_half_relaxed(low & mask)
-            + table(gauss::HIGH).swizzle_half_relaxed(high & mask),
-    );
-    let even = sum.unbounded_shl_scalar(8).unbounded_shr_scalar(8);
-    let odd = sum.unbounded_shr_scalar(8);
-    even * i16x16::splat(gauss::WEIGHTS[0]) + odd * i16x16::splat(gauss::WEIGHTS[1])
-}
-
-#[inline(always)]
-fn looked_up(bits: i16x16) -> i16x16 {
-    i16x16::new(mapped!([0; 16], b in bits.to_array() => {
-        let [low, high] = b.to_le_bytes();
-        BYTES[0][low as usize] + BYTES[1][high as usize]
-    }))
-}
-
 impl Lanes for Portable {
-    const N: usize = 16;
-    type Half = i16x16;
+    const N: usize = N;
+    type Half = Shorts;
     type Word = Pair;
     type Float = PairF;
-    type Mask = i16x16;
+    type Mask = Shorts;
 
     #[inline(always)]
-    fn load(self, from: &[i16], at: usize) -> i16x16 {
-        i16x16::new(sixteen(from, at))
+    fn load(self, from: &[i16], at: usize) -> Shorts {
+        Shorts::new(several(from, at))
     }
     #[inline(always)]
-    fn store(self, to: &mut [i16], at: usize, v: i16x16) {
-        to[at..at + 16].copy_from_slice(v.as_array());
+    fn store(self, to: &mut [i16], at: usize, v: Shorts) {
+        to[at..at + N].copy_from_slice(v.as_array());
     }
     #[inline(always)]
-    fn splat(self, v: i16) -> i16x16 {
-        i16x16::splat(v)
+    fn splat(self, v: i16) -> Shorts {
+        Shorts::splat(v)
     }
     #[inline(always)]
-    fn add(self, a: i16x16, b: i16x16) -> i16x16 {
+    fn add(self, a: Shorts, b: Shorts) -> Shorts {
         a + b
     }
     #[inline(always)]
-    fn add_saturating(self, a: i16x16, b: i16x16) -> i16x16 {
+    fn add_saturating(self, a: Shorts, b: Shorts) -> Shorts {
         a.saturating_add(b)
     }
     #[inline(always)]
-    fn min(self, a: i16x16, b: i16x16) -> i16x16 {
+    fn min(self, a: Shorts, b: Shorts) -> Shorts {
         a.min(b)
     }
     #[inline(always)]
-    fn scale(self, a: i16x16, b: i16x16) -> i16x16 {
-        a.mul_scale_round(b)
+    fn scale(self, a: Shorts, b: Shorts) -> Shorts {
+        wide_lanes::scale(a, b)
     }
     #[inline(always)]
-    fn greater(self, a: i16x16, b: i16x16) -> i16x16 {
+    fn greater(self, a: Shorts, b: Shorts) -> Shorts {
         a.simd_gt(b)
     }
     #[inline(always)]
-    fn mul(self, a: i16x16, b: i16x16) -> i16x16 {
+    fn mul(self, a: Shorts, b: Shorts) -> Shorts {
         a * b
     }
     #[inline(always)]
-    fn bytes(self, from: &[u8], at: usize) -> i16x16 {
-        i16x16::new(mapped!([0; 16], b in sixteen(from, at) => i16::from(b)))
+    fn bytes(self, from: &[u8], at: usize) -> Shorts {
+        Shorts::new(mapped!([0; N], b in several(from, at) => i16::from(b)))
     }
     #[inline(always)]
-    fn select(self, m: i16x16, a: i16x16, b: i16x16) -> i16x16 {
+    fn select(self, m: Shorts, a: Shorts, b: Shorts) -> Shorts {
         (m & a) | (!m & b)
     }
     #[inline(always)]
-    fn sub_where(self, m: i16x16, a: i16x16, b: i16x16) -> i16x16 {
+    fn sub_where(self, m: Shorts, a: Shorts, b: Shorts) -> Shorts {
         a - (m & b)
     }
     #[inline(always)]
-    fn increment_where(self, m: i16x16, a: i16x16) -> i16x16 {
-        a.saturating_sub(m)
+    fn reset(self, a: Shorts, b: Shorts) -> Shorts {
+        let lower: UnsignedShorts = bytemuck::cast(a - b);
+        bytemuck::cast(lower.max(bytemuck::cast(a)))
     }
     #[inline(always)]
-    fn and(self, a: i16x16, b: i16x16) -> i16x16 {
+    fn increment_where(self, m: Shorts, a: Shorts) -> Shorts {
+        if MASKS { self.select(m, a.saturating_add(Shorts::splat(1)), a) } else { a.saturating_sub(m) }
+    }
+    #[inline(always)]
+    fn and(self, a: Shorts, b: Shorts) -> Shorts {
         a & b
     }
     #[inline(always)]
-    fn or(self, a: i16x16, b: i16x16) -> i16x16 {
+    fn or(self, a: Shorts, b: Shorts) -> Shorts {
         a | b
     }
     #[inline(always)]
-    fn not(self, a: i16x16) -> i16x16 {
+    fn not(self, a: Shorts) -> Shorts {
         !a
     }
     #[inline(always)]
-    fn bits(self, m: i16x16) -> u32 {
-        m.to_bitmask() & 0xffff
+    fn bits(self, m: Shorts) -> u32 {
+        m.to_bitmask() & (u32::MAX >> (32 - N))
     }
     #[inline(always)]
-    fn load_pairs(self, from: &[u32], at: usize) -> i16x16 {
-        halves(u32x8::from(&from[at..at + 8]))
+    fn store_bits(self, to: &mut [u8], at: usize, m: Shorts) {
+        // Bytes stored one by one were gathered to a vector again, through memory.
+        let bits = self.bits(m).to_le_bytes();
+        to[at..at + const { N / 8 }].copy_from_slice(&bits[..const { N / 8 }]);
     }
     #[inline(always)]
-    fn splat_pair(self, v: u32) -> i16x16 {
-        halves(u32x8::splat(v))
+    fn load_pairs(self, from: &[u32], at: usize) -> Shorts {
+        halves(UnsignedWords::from(&from[at..at + N / 2]))
     }
     #[inline(always)]
-    fn xor(self, a: i16x16, b: i16x16) -> i16x16 {
+    fn splat_pair(self, v: u32) -> Shorts {
+        halves(UnsignedWords::splat(v))
+    }
+    #[inline(always)]
+    fn xor(self, a: Shorts, b: Shorts) -> Shorts {
         a ^ b
     }
     #[inline(always)]
-    fn mul_pairs(self, a: i16x16, b: i16x16) -> i16x16 {
+    fn mul_pairs(self, a: Shorts, b: Shorts) -> Shorts {
         halves(pairs(a) * pairs(b))
     }
     #[inline(always)]
-    fn shr_pairs<const BITS: u32>(self, a: i16x16) -> i16x16 {
+    fn shr_pairs<const BITS: u32>(self, a: Shorts) -> Shorts {
         halves(pairs(a).unbounded_shr_scalar(BITS))
     }
     #[inline(always)]
-    fn gauss(self, bits: i16x16) -> i16x16 {
-        if SHUFFLES { shuffled(bits) } else { looked_up(bits) }
+    fn gauss(self, bits: Shorts) -> Shorts {
+        wide_lanes::normal(bits)
     }
     #[inline(always)]
     fn load_f(self, from: &[f32], at: usize) -> PairF {
-        [f32x8::from(&from[at..at + 8]), f32x8::from(&from[at + 8..at + 16])]
+        [Floats::from(&from[at..at + N / 2]), Floats::from(&from[at + N / 2..at + N])]
     }
     #[inline(always)]
     fn splat_f(self, v: f32) -> PairF {
-        [f32x8::splat(v); 2]
+        [Floats::splat(v); 2]
     }
     #[inline(always)]
     fn bytes_to_f(self, from: &[u8], at: usize) -> PairF {
-        bytemuck::cast(mapped!([0.0; 16], v in sixteen(from, at) => f32::from(v)))
+        bytemuck::cast(mapped!([0.0; N], v in several(from, at) => f32::from(v)))
     }
     #[inline(always)]
     fn shorts_to_f(self, from: &[u16], at: usize) -> PairF {
-        bytemuck::cast(mapped!([0.0; 16], v in sixteen(from, at) => f32::from(v)))
+        bytemuck::cast(mapped!([0.0; N], v in several(from, at) => f32::from(v)))
     }
     #[inline(always)]
     fn add_f(self, a: PairF, b: PairF) -> PairF {
@@ -256,11 +205,11 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn min_f(self, a: PairF, b: PairF) -> PairF {
-        each(a, b, f32x8::fast_min)
+        each(a, b, Floats::fast_min)
     }
     #[inline(always)]
     fn max_f(self, a: PairF, b: PairF) -> PairF {
-        each(a, b, f32x8::fast_max)
+        each(a, b, Floats::fast_max)
     }
     #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
@@ -292,11 +241,11 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn load_words(self, from: &[u32], at: usize) -> Pair {
-        bytemuck::cast(sixteen(from, at))
+        bytemuck::cast(several(from, at))
     }
     #[inline(always)]
     fn splat_w(self, v: u32) -> Pair {
-        [i32x8::splat(v as i32); 2]
+        [Words::splat(v as i32); 2]
     }
     #[inline(always)]
     fn add_w(self, a: Pair, b: Pair) -> Pair {
@@ -324,7 +273,7 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn min_w(self, a: Pair, b: Pair) -> Pair {
-        each(a, b, i32x8::min)
+        each(a, b, Words::min)
     }
     #[inline(always)]
     fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {
@@ -332,36 +281,36 @@ impl Lanes for Portable {
         [(first & x[0]) | (!first & y[0]), (second & x[1]) | (!second & y[1])]
     }
     #[inline(always)]
-    fn greater_w(self, a: Pair, b: Pair) -> i16x16 {
+    fn greater_w(self, a: Pair, b: Pair) -> Shorts {
         self.low([a[0].simd_gt(b[0]), a[1].simd_gt(b[1])])
     }
     #[inline(always)]
     fn gather(self, table: &[u32], index: Pair) -> Pair {
-        let index: [u32; 16] = bytemuck::cast(index);
+        let index: [u32; N] = bytemuck::cast(index);
         let last = table.len() - 1;
-        bytemuck::cast(mapped!([0; 16], i in index => table[(i as usize).min(last)]))
+        bytemuck::cast(mapped!([0; N], i in index => table[(i as usize).min(last)]))
     }
     #[inline(always)]
-    fn low(self, a: Pair) -> i16x16 {
-        let words: [i32; 16] = bytemuck::cast(a);
-        i16x16::new(mapped!([0; 16], w in words => w as i16))
+    fn low(self, a: Pair) -> Shorts {
+        let words: [i32; N] = bytemuck::cast(a);
+        Shorts::new(mapped!([0; N], w in words => w as i16))
     }
     #[inline(always)]
-    fn high(self, a: Pair) -> i16x16 {
-        let words: [i32; 16] = bytemuck::cast(a);
-        i16x16::new(mapped!([0; 16], w in words => (w >> 16) as i16))
+    fn high(self, a: Pair) -> Shorts {
+        let words: [i32; N] = bytemuck::cast(a);
+        Shorts::new(mapped!([0; N], w in words => (w >> 16) as i16))
     }
     #[inline(always)]
-    fn join(self, high: i16x16, low: i16x16) -> Pair {
+    fn join(self, high: Shorts, low: Shorts) -> Pair {
         let (high, low) = (high.to_array(), low.to_array());
-        let mut words = [0; 16];
+        let mut words = [0; N];
         for (word, (high, low)) in words.iter_mut().zip(high.into_iter().zip(low)) {
             *word = i32::from(high) << 16 | i32::from(low as u16);
         }
         bytemuck::cast(words)
     }
     #[inline(always)]
-    fn widen(self, a: i16x16) -> Pair {
-        bytemuck::cast(mapped!([0; 16], v in a.to_array() => i32::from(v)))
+    fn widen(self, a: Shorts) -> Pair {
+        bytemuck::cast(mapped!([0; N], v in a.to_array() => i32::from(v)))
     }
 }
