@@ -2,6 +2,7 @@
 
 #![allow(unsafe_code, reason = "instructions that the token proves the CPU to have")]
 
+use std::arch::asm;
 use std::arch::x86_64::*;
 
 use crate::draws::gauss;
@@ -120,6 +121,18 @@ impl Avx2 {
     }
 }
 
+/// Both vectors, in registers at this place in the code. It is not the compiler's own place for them: left alone, it
+/// finishes the first's chain before it begins the second's.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn abreast(mut a: __m256i, mut b: __m256i) -> [__m256i; 2] {
+    // SAFETY: no instruction, only two registers that are said to change.
+    unsafe {
+        asm!("/* {0} {1} */", inout(ymm_reg) a, inout(ymm_reg) b, options(nomem, nostack, preserves_flags));
+    }
+    [a, b]
+}
+
 impl Lanes for Avx2 {
     const N: usize = 16;
     type Half = __m256i;
@@ -212,12 +225,19 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn store_bits_of_two(self, to: &mut [u8], first: __m256i, second: __m256i) {
         let to = &mut to[..4];
-        // Packing works within halves, so the bytes are put in order once for both.
-        let bits = proven!(_mm256_movemask_epi8(_mm256_permute4x64_epi64::<0b11_01_10_00>(
+        let bits = proven!(_mm256_movemask_epi8(
             // A comparison's complement, complemented, costs nothing; one scalar instruction turns all bits.
             _mm256_packs_epi16(self.not(first), self.not(second))
-        )));
-        memory!(to.as_mut_ptr().cast::<u32>().write_unaligned((!bits as u32).to_le()));
+        ));
+        // Packing works within halves, so that the middle bytes have changed places. Scalar instructions put them
+        // right beside the vector's.
+        let turned = (!bits as u32).rotate_right(8);
+        let bits = (turned & 0xffff_0000 | u32::from((turned as u16).rotate_left(8))).rotate_left(8);
+        memory!(to.as_mut_ptr().cast::<u32>().write_unaligned(bits.to_le()));
+    }
+    #[inline(always)]
+    fn abreast(self, [a, b]: [__m256i; 2]) -> [__m256i; 2] {
+        proven!(abreast(a, b))
     }
     #[inline(always)]
     fn prefetch(self, line: *const u8) {

@@ -170,12 +170,10 @@ fn singles<L: Lanes, T: Sample, const NOISE: u8, const STORE: u8, const ANY: boo
                     } else {
                         (light, more)
                     };
-                    let increment = Increment::bright(l, &c, light);
-                    let fired =
-                        step::noisy::<L, NOISE, STORE>(l, job, &row, &c, &increment, None, &mut pixels);
-                    let increment = Increment::bright(l, &d, more);
-                    let also =
-                        step::noisy::<L, NOISE, STORE>(l, job, &row, &d, &increment, None, &mut others);
+                    let increments = [&Increment::bright(l, &c, light), &Increment::bright(l, &d, more)];
+                    let both = [&mut pixels, &mut others];
+                    let [fired, also] =
+                        step::noisy_two::<L, NOISE, STORE>(l, &row, [&c, &d], increments, both);
                     let bits = &mut row.bits[at / 8..][..const { L::N / 4 }];
                     l.store_bits_of_two(bits, fired, also);
                 }
@@ -238,8 +236,8 @@ fn pair<L: Lanes, const NOISE: u8, const STORE: u8>(
     let mut pixels = Pixels::load(l, state, at);
     let mut others = Pixels::load(l, state, at + L::N);
     for row in Rows::new(job, readouts.clone(), out) {
-        let fired = step::noisy::<L, NOISE, STORE>(l, job, &row, &c, &increment, None, &mut pixels);
-        let more = step::noisy::<L, NOISE, STORE>(l, job, &row, &d, &other, None, &mut others);
+        let both = [&mut pixels, &mut others];
+        let [fired, more] = step::noisy_two::<L, NOISE, STORE>(l, &row, [&c, &d], [&increment, &other], both);
         let bits = &mut row.bits[at / 8..][..const { L::N / 4 }];
         l.store_bits_of_two(bits, fired, more);
     }

@@ -94,6 +94,12 @@ pub(crate) trait Lanes: Copy {
         self.store_bits(to, 0, first);
         self.store_bits(to, const { Self::N / 8 }, second);
     }
+    /// Both as they are. No instruction stands behind it: where an instruction set says more than this, the
+    /// compiler has to have both before it goes on with either, and cannot put the second's work behind the first's.
+    #[inline(always)]
+    fn abreast(self, both: [Self::Half; 2]) -> [Self::Half; 2] {
+        both
+    }
     /// Asks for the cache line at an address, which need not exist; changes nothing but the time.
     #[inline(always)]
     fn prefetch(self, line: *const u8) {

@@ -29,6 +29,18 @@ pub(super) fn hash<L: Lanes>(l: L, keys: L::Half, round: &Round) -> L::Half {
     l.xor(x, l.shr_pairs::<16>(x))
 }
 
+/// [`hash`] of two vectors, operation by operation.
+#[inline(always)]
+fn hash_two<L: Lanes>(l: L, [a, b]: [L::Half; 2], round: &Round) -> [L::Half; 2] {
+    let (offset, first, second) =
+        (l.splat_pair(round.offset), l.splat_pair(round.first), l.splat_pair(round.second));
+    let [a, b] = l.abreast([l.xor(a, offset), l.xor(b, offset)]);
+    let [a, b] = l.abreast([l.mul_pairs(a, first), l.mul_pairs(b, first)]);
+    let [a, b] = l.abreast([l.xor(a, l.shr_pairs::<15>(a)), l.xor(b, l.shr_pairs::<15>(b))]);
+    let [a, b] = l.abreast([l.mul_pairs(a, second), l.mul_pairs(b, second)]);
+    l.abreast([l.xor(a, l.shr_pairs::<16>(a)), l.xor(b, l.shr_pairs::<16>(b))])
+}
+
 #[inline(always)]
 fn hash_words<L: Lanes>(l: L, keys: L::Word, round: &Round) -> L::Word {
     let x = l.mul_w(l.xor_w(keys, l.splat_w(round.offset)), l.splat_w(round.first));
@@ -84,14 +96,56 @@ pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8>(
     } else if let Some(fine) = fine {
         pixel.add_word(l, fixed(l, counted(l, job, constants.p, row.t, row.counts, fine), constants.clip));
     }
-    if STORE == CLAMPED {
-        pixel.charge = l.min(pixel.charge, constants.ceiling);
-    }
     let fresh = if NOISE == NONE {
         l.splat(0)
     } else {
         l.scale(l.gauss(hash(l, constants.pair_keys, row.thermal)), constants.noise)
     };
+    fire::<L, NOISE, STORE>(l, constants, fresh, pixel)
+}
+
+/// One readout of two vectors without [`Fine`]; returns the reported bits.
+///
+/// The draws come first and in step. One hash is a long chain; written one after the other, the CPU looked too
+/// short a way ahead to run two beside each other.
+#[inline(always)]
+pub(super) fn noisy_two<L: Lanes, const NOISE: u8, const STORE: u8>(
+    l: L,
+    row: &Row<'_>,
+    constants: [&Constants<L>; 2],
+    increments: [&Increment<L>; 2],
+    pixels: [&mut Pixels<L>; 2],
+) -> [L::Mask; 2] {
+    let ([c, d], [increment, other], [pixel, more]) = (constants, increments, pixels);
+    let keys = [c.pair_keys, d.pair_keys];
+    let mut fresh = [l.splat(0); 2];
+    if NOISE != NONE {
+        let [first, second] = hash_two(l, keys, row.thermal);
+        let [first, second] = l.abreast([l.gauss(first), l.gauss(second)]);
+        fresh = [l.scale(first, c.noise), l.scale(second, d.noise)];
+    }
+    let [first, second] = hash_two(l, keys, row.shot);
+    let [first, second] = l.abreast([l.gauss(first), l.gauss(second)]);
+    pixel.add(l, increment.high, increment.low, increment.low_flipped);
+    pixel.charge = l.add_saturating(pixel.charge, l.scale(first, increment.multiplier));
+    let fired = fire::<L, NOISE, STORE>(l, c, fresh[0], pixel);
+    more.add(l, other.high, other.low, other.low_flipped);
+    more.charge = l.add_saturating(more.charge, l.scale(second, other.multiplier));
+    [fired, fire::<L, NOISE, STORE>(l, d, fresh[1], more)]
+}
+
+/// Bounds the charge, compares it with the threshold, whose noise is `fresh`, and resets who fires; returns the
+/// reported bits.
+#[inline(always)]
+fn fire<L: Lanes, const NOISE: u8, const STORE: u8>(
+    l: L,
+    constants: &Constants<L>,
+    fresh: L::Half,
+    pixel: &mut Pixels<L>,
+) -> L::Mask {
+    if STORE == CLAMPED {
+        pixel.charge = l.min(pixel.charge, constants.ceiling);
+    }
     let noise = if NOISE == RESET { pixel.held } else { fresh };
     if STORE == SURPLUS {
         settle(l, pixel, constants.threshold);
