@@ -148,21 +148,22 @@ fn jobs(args: &Args) -> Vec<Job> {
         }
         jobs.extend(outside);
         if index < doubles {
-            let pick = |salt: usize| inside[(index * 7 + salt * 11 + index * index) % inside.len()];
-            let (a, b) = (pick(0), pick(1 + index % 3));
-            if a.name != b.name {
-                jobs.push(Job { class: "double", kinds: vec![a, b], index });
-            }
+            jobs.push(Job { class: "double", kinds: several(&inside, 2, index), index });
         }
         if index < triples {
-            let pick = |salt: usize| inside[(index * 13 + salt * 7 + index * index) % inside.len()];
-            let kinds = vec![pick(0), pick(1), pick(2 + index % 2)];
-            if kinds[2].name != kinds[0].name {
-                jobs.push(Job { class: "triple", kinds, index });
-            }
+            jobs.push(Job { class: "triple", kinds: several(&inside, 3, index), index });
         }
     }
     jobs
+}
+
+/// Different effects, any with any other.
+fn several(inside: &[&'static Kind], count: usize, index: usize) -> Vec<&'static Kind> {
+    let mut left = inside.to_vec();
+    let seed = (count * 1_000_000 + index) as u64;
+    let draw =
+        |k: usize| left.swap_remove((uniform(seed, k as u64) * left.len() as f64) as usize % left.len());
+    (0..count).map(draw).collect()
 }
 
 /// The simulations that all sensors share: they have one protocol and one published model.
