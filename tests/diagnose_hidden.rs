@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 
 use hidden_sensor::{Physics, Sensor, Size, kind, write_set};
 use spikelane::calibrate::RecordingSet;
-use spikelane::diagnose::{Diagnosis, Options, Part, Reference, Setup, Verdict, diagnose, published};
+use spikelane::diagnose::{Diagnosis, Extent, Options, Part, Reference, Setup, Verdict, diagnose, published};
 
 const SIZE: Size = Size { width: 24, height: 24, readouts: 2048 };
 
@@ -31,14 +31,14 @@ fn sets(hidden: Option<(&str, f64)>, seed: u64) -> (tempfile::TempDir, [Recordin
 
 static REFERENCE: LazyLock<Reference> = LazyLock::new(|| {
     let (_folder, sets) = sets(None, 1);
-    let setup = Setup::of(&sets[0], Part::Whole).unwrap();
+    let setup = Setup::of(&sets[0], Part::Whole, Extent::Everything).unwrap();
     let camera = published(&setup).unwrap();
     Reference::new(setup, camera, 7, &mut |_, _| {}).unwrap()
 });
 
 fn of(hidden: Option<(&str, f64)>, seed: u64) -> Diagnosis {
     let (_folder, sets) = sets(hidden, seed);
-    let options = Options { camera: None, reference: Some(&REFERENCE), seed: 7 };
+    let options = Options { camera: None, reference: Some(&REFERENCE), seed: 7, extent: Extent::Everything };
     diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {}).unwrap()
 }
 

@@ -216,15 +216,52 @@ fn outside(text: &mut String, all: &[&Value]) {
     text.push('\n');
 }
 
+/// Effects of sensors that have several: those above their smallest nameable strength, and how many were found.
 fn several(text: &mut String, title: &str, all: &[&Value]) {
-    let number = |r: &Value, key: &str| r["score"][key].as_u64().unwrap_or(0) as usize;
-    let hidden: usize = all.iter().map(|r| r["hidden"].as_array().map_or(0, Vec::len)).sum();
-    let found: usize = all.iter().map(|r| number(r, "tied")).sum();
-    let wrong: usize = all.iter().map(|r| r["score"]["wrong"].as_array().map_or(0, Vec::len)).sum();
+    let mut rows: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
+    let mut wrong: BTreeMap<&str, usize> = BTreeMap::new();
+    for record in all {
+        for hidden in record["hidden"].as_array().into_iter().flatten() {
+            let name = hidden["name"].as_str().unwrap_or("?");
+            if hidden["strength"].as_f64() < hidden["nameable"].as_f64() {
+                continue;
+            }
+            let row = rows.entry(name).or_default();
+            row[0] += 1;
+            row[1] += usize::from(is_said(record, name));
+        }
+        for name in record["score"]["wrong"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+            *wrong.entry(name).or_default() += 1;
+        }
+    }
+    let sum = |i: usize| rows.values().map(|r| r[i]).sum::<usize>();
+    let (hidden, found, false_names) = (sum(0), sum(1), wrong.values().sum::<usize>());
+    let percent = |a: usize, b: usize| 100.0 * a as f64 / b.max(1) as f64;
     writeln!(
         text,
-        "### {title}\n\n{} ran, with {hidden} effects; {found} found (exact or tied), {wrong} names wrong.\n",
-        all.len()
+        "### {title}\n\n{} sensors ran, with {hidden} effects above their smallest nameable strength; {found} found, exact or tied \
+         ({:.0} %). Of {} names said, {false_names} are wrong (precision {:.0} %).\n",
+        all.len(),
+        percent(found, hidden),
+        found + false_names,
+        percent(found, found + false_names)
     )
     .unwrap();
+    let list = |names: Vec<String>| if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+    let missed = rows.iter().filter(|(_, r)| r[1] < r[0]);
+    let missed = list(missed.map(|(n, r)| format!("`{n}` {} of {}", r[0] - r[1], r[0])).collect());
+    let wrong = list(wrong.iter().map(|(n, k)| format!("`{n}` {k}")).collect());
+    writeln!(text, "Missed: {missed}. Said wrongly: {wrong}.\n").unwrap();
+}
+
+/// Whether `name` was said, or is tied with something that was.
+fn is_said(record: &Value, name: &str) -> bool {
+    let said = &record["said"];
+    let entries = |key: &str| said[key].as_array().cloned().unwrap_or_default();
+    let tied = |e: &Value| e["tied_with"].as_array().is_some_and(|t| t.iter().any(|t| t == name));
+    let effects = entries("effects").into_iter().filter(|e| e["resembles"] != true);
+    let misfits = entries("misfits");
+    let of_misfit = |m: &Value| m["parameter"].as_str().is_some_and(|p| p.split('.').next() == Some(name));
+    effects.into_iter().any(|e| e["name"] == name || tied(&e))
+        || misfits.iter().any(|m| of_misfit(m) || tied(m))
 }

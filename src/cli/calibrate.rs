@@ -9,6 +9,7 @@ use spikelane::calibrate::{
     Calibration, Files as Written, Options, RecordingSet, SneeOptions, calibrate, observe, snee, write,
 };
 use spikelane::error::Result;
+use spikelane::storage::refuse_existing;
 
 use super::output::Out;
 use super::progress::Files;
@@ -46,6 +47,7 @@ pub struct Args {
 /// # Errors
 /// When the set is bad, or a file cannot be written.
 pub fn run(args: &Args, out: &Out) -> Result<()> {
+    refuse_existing(&args.out, &["camera.toml", "calibration.json", "report.html"], args.force)?;
     let set = RecordingSet::open(&args.recordings)?;
     let mut progress = Files::new(out);
     let observed = observe(&set, &mut |name, share| progress.step(name, share))?;

@@ -11,6 +11,7 @@ use spikelane::draws::Seeds;
 use spikelane::effects::Camera;
 use spikelane::error::{Error, Kind, Result};
 use spikelane::presets;
+use spikelane::storage::{refuse_existing, write_small};
 
 use super::output::Out;
 use super::progress::Files;
@@ -44,6 +45,7 @@ pub struct Args {
 /// # Errors
 /// When an input is bad, or a file cannot be written.
 pub fn run(args: &Args, out: &Out) -> Result<()> {
+    refuse_existing(&args.out, &["comparison.json", "comparison.html"], args.force)?;
     let names: Vec<&str> = if args.cameras.is_empty() {
         MODELS.to_vec()
     } else {
@@ -56,8 +58,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     std::fs::create_dir_all(&args.out).map_err(|e| Error::io(args.out.display(), e))?;
     let put = |name: &str, text: &str| {
         let path = args.out.join(name);
-        spikelane::storage::write_small(&path, text.as_bytes(), args.force)
-            .map(|()| path.display().to_string())
+        write_small(&path, text.as_bytes(), args.force).map(|()| path.display().to_string())
     };
     let json_error = |e| Error::new(Kind::Config, "comparison").found(e);
     let all = serde_json::to_string_pretty(&found.all).map_err(json_error)?;

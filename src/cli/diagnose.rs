@@ -6,11 +6,13 @@ use std::path::PathBuf;
 use clap::Args as ClapArgs;
 use serde_json::{Value, json};
 use spikelane::calibrate::RecordingSet;
-use spikelane::diagnose::{Diagnosis, Options, Part, Reference, Setup, Verdict, diagnose, page, published};
+use spikelane::diagnose::{
+    Diagnosis, Extent, Options, Part, Reference, Setup, Verdict, diagnose, page, published,
+};
 use spikelane::error::{Error, Kind, Result};
 use spikelane::presets;
 use spikelane::simulate::save_camera;
-use spikelane::storage::write_small;
+use spikelane::storage::{refuse_existing, write_small};
 
 use super::output::Out;
 use super::progress::Files;
@@ -29,6 +31,10 @@ pub struct Args {
     /// Seed of the simulations: the same seed gives the same diagnosis.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Judge all readouts of large recordings, however long that takes: as a rule only the first 50 million
+    /// pixel-readouts, or 2,500 readouts, of each are.
+    #[arg(long)]
+    everything: bool,
     /// Only print how strong each effect must be before this set can name it.
     #[arg(long)]
     nameable: bool,
@@ -45,13 +51,18 @@ pub struct Args {
 /// # Errors
 /// When a set is bad, or a file cannot be written.
 pub fn run(args: &Args, out: &Out) -> Result<()> {
+    if !args.nameable {
+        refuse_existing(&args.out, &["diagnosis.json", "report.html", "camera.toml"], args.force)?;
+    }
     let set = RecordingSet::open(&args.recordings)?;
     let holdout = args.holdout.as_deref().map(RecordingSet::open).transpose()?;
     let camera = args.camera.as_deref().map(presets::load).transpose()?;
+    let extent = if args.everything { Extent::Everything } else { Extent::Enough };
     let mut bar = Files::new(out);
     let mut progress = |what: &str, share: f64| bar.step(what, share);
     if args.nameable {
-        let setup = Setup::of(&set, if holdout.is_some() { Part::Whole } else { Part::First })?;
+        let part = if holdout.is_some() { Part::Whole } else { Part::First };
+        let setup = Setup::of(&set, part, extent)?;
         let camera = camera.map_or_else(|| published(&setup), Ok)?;
         let reference = Reference::new(setup, camera, args.seed, &mut progress)?;
         drop(bar);
@@ -67,7 +78,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         }
         return out.result(&json!({"event": "done", "nameable": rows}), &text);
     }
-    let options = Options { camera: camera.as_ref(), reference: None, seed: args.seed };
+    let options = Options { camera: camera.as_ref(), reference: None, seed: args.seed, extent };
     let found = diagnose(&set, holdout.as_ref(), options, &mut progress)?;
     drop(bar);
     let mut result = write(&found, args)?;

@@ -93,6 +93,11 @@ pub(super) fn count_blocks<const N: usize>(words: &[u64], ends: [usize; N]) -> [
     })
 }
 
+/// Spikes in a stretch of time.
+pub(super) fn count_between(words: &[u64], from: usize, to: usize) -> u32 {
+    count_blocks(words, [from, to])[1]
+}
+
 /// Readouts at which both pixels fired, the second `lag` (0 or 1) readouts later.
 pub(super) fn coincidences(first: &[u64], second: &[u64], lag: usize) -> u32 {
     if lag == 0 {

@@ -1,7 +1,8 @@
 //! What happens after a step of the light, and beside one.
 
 use super::lines::Lines;
-use super::scan::Scan;
+use super::maps::slope;
+use super::scan::{Scan, dark_halves};
 use super::setup::Scene;
 use super::spread::Spread;
 use super::vector::{Vector, ln};
@@ -14,11 +15,7 @@ const WINDOWS: [(usize, usize); 4] = [(2, 20), (20, 60), (60, 120), (120, 300)];
 const STEADY: usize = 300;
 
 pub(super) fn steps(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
-    let Light::Scene(Pattern::Square { half_period, .. }) = scene.light else { return };
-    let half = half_period as usize;
-    if half < STEADY + 40 {
-        return;
-    }
+    let Some(half) = scene.half_period() else { return };
     const UP: [&str; 4] = [
         "2 to 20 readouts after a rise",
         "20 to 60 after a rise",
@@ -48,6 +45,20 @@ pub(super) fn steps(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
             v.push(k, name, 10.0 * (ln(mean(from, to)) - ln(steady)), 1e-3);
         }
     }
+}
+
+/// Whether what is left after a fall follows a pixel's gain, as late light does, or its dark current.
+pub(super) fn after_falls(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene, lines: &Lines) {
+    let Light::Scene(Pattern::Square { low, .. }) = scene.light else { return };
+    let Some(half) = scene.half_period() else { return };
+    let readouts: usize = dark_halves(scan.totals.len(), half).map(|(from, to)| to - from).sum();
+    let excess = |p: usize| {
+        let expected = lines.expected(p, low) * readouts as f64;
+        if expected > 0.0 { f64::from(scan.pixels[p].after_falls) / expected - 1.0 } else { f64::NAN }
+    };
+    let excess: Vec<f64> = (0..scan.pixels.len()).map(excess).collect();
+    v.push(k, "after a fall, by gain", 1e3 * slope(&lines.gain, &excess), 0.05);
+    v.push(k, "after a fall, by dark current", 1e3 * slope(&lines.dark, &excess), 0.05);
 }
 
 /// Pixels at the border of a square and inside of it, against what their lines promise.

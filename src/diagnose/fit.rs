@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::candidates::Candidate;
-use super::metric::{Metric, Noise};
+use super::metric::{Bound, Metric, Noise};
 use super::model::{Model, Scale};
 use super::reference::{Reference, average};
 use crate::error::Result;
@@ -44,6 +44,10 @@ impl Likelihood {
         self.metric.square(off) + self.spread
     }
 }
+
+/// How strongly a number of the base model is drawn back to its calibrated value: as by a measurement to a half of it.
+/// Without that, two that the set hardly tells apart, such as the spreads of gain and of threshold, wander.
+const LEANING: f64 = 4.0;
 
 /// Simulations that the null's variances count for beside a model's own few.
 const PRIOR: f64 = 10.0;
@@ -115,14 +119,31 @@ impl Fit {
         next
     }
 
-    /// With its numbers moved, as far as they are trusted.
+    /// With its numbers moved.
     pub fn moved(&self, by: &DVector<f64>) -> Self {
         let mut next = self.clone();
-        for j in 0..next.u.len() {
-            let knob = next.model.knobs[j];
-            let most = if j < self.base_knobs() { 0.3 } else { trust(knob.scale, self.u[j]) };
-            next.u[j] = knob.clamped(self.u[j] + by[j].clamp(-most, most));
+        for (j, by) in by.iter().enumerate() {
+            next.u[j] = next.model.knobs[j].clamped(self.u[j] + by);
         }
+        next
+    }
+
+    /// How far each number may move: to the end of its range, and as far as a linear step is trusted.
+    pub fn bounds(&self) -> Vec<Bound> {
+        let bound = |j: usize| {
+            let (knob, u, base) = (self.model.knobs[j], self.u[j], j < self.base_knobs());
+            let most = if base { 0.3 } else { trust(knob.scale, u) };
+            let [low, high] = [u - most, u + most].map(|u| knob.clamped(u));
+            Bound { low: low - u, high: high - u, leans: -u, weight: if base { LEANING } else { 0.0 } }
+        };
+        (0..self.u.len()).map(bound).collect()
+    }
+
+    /// With the base model's numbers as they were calibrated: they may have moved to take in what is added now.
+    pub fn with_calibrated_base(&self) -> Self {
+        let mut next = self.clone();
+        let base = self.base_knobs();
+        next.u[..base].fill(0.0);
         next
     }
 
@@ -231,7 +252,9 @@ impl Reference {
             // Common draws: a difference needs fewer simulations than a mean.
             self.derive(&mut fit, count.div_ceil(2))?;
             let next = self.line_search(&fit, data, count)?;
-            let Some(next) = next else { break };
+            let Some(next) = next else {
+                break;
+            };
             let gained = fit.cost - next.cost;
             let jacobian = std::mem::replace(&mut fit, next).jacobian;
             fit.jacobian = jacobian;
@@ -244,24 +267,10 @@ impl Reference {
 
     /// The whole step if it helps, or a part of it.
     fn line_search(&self, fit: &Fit, data: &DVector<f64>, count: usize) -> Result<Option<Fit>> {
-        let base = fit.base_knobs();
         let off = data - &fit.mean;
-        let wanted = Metric::new(&fit.likelihood.noise, fit.directions(self)).fit(&off);
+        let wanted = Metric::new(&fit.likelihood.noise, fit.directions(self)).bounded(&off, &fit.bounds());
         for share in [1.0, 0.4] {
-            let mut next = fit.clone();
-            let mut left = off.clone();
-            for j in base..fit.u.len() {
-                let knob = fit.model.knobs[j];
-                let most = trust(knob.scale, fit.u[j]);
-                next.u[j] = knob.clamped(fit.u[j] + share * wanted[j].clamp(-most, most));
-                left -= fit.jacobian.column(j - base) * (next.u[j] - fit.u[j]);
-            }
-            // The base follows what the effects leave.
-            let calibrated = fit.likelihood.metric.fit(&left);
-            for j in 0..base {
-                let knob = fit.model.knobs[j];
-                next.u[j] = knob.clamped(fit.u[j] + share * calibrated[j].clamp(-0.3, 0.3));
-            }
+            let mut next = fit.moved(&(&wanted * share));
             self.evaluate(&mut next, data, count)?;
             if next.cost < fit.cost {
                 return Ok(Some(next));

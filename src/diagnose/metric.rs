@@ -92,6 +92,15 @@ impl Noise {
     }
 }
 
+/// How far a position may move, and where it is drawn as strongly as by `weight` of information.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bound {
+    pub low: f64,
+    pub high: f64,
+    pub leans: f64,
+    pub weight: f64,
+}
+
 /// A noise with directions that cost nothing.
 #[derive(Clone, Debug)]
 pub(super) struct Metric {
@@ -118,6 +127,43 @@ impl Metric {
     pub fn fit(&self, off: &DVector<f64>) -> DVector<f64> {
         let right = self.weighted.transpose() * off;
         self.information.clone().lu().solve(&right).unwrap_or_else(|| DVector::zeros(right.len()))
+    }
+
+    /// Best positions along the directions within their bounds. The others are fitted anew for every one that
+    /// is held at its bound: cutting each by itself would leave two that lean on each other far off.
+    pub fn bounded(&self, off: &DVector<f64>, bounds: &[Bound]) -> DVector<f64> {
+        let mut moved = DVector::zeros(bounds.len());
+        let mut open: Vec<usize> = (0..bounds.len()).collect();
+        let mut left = off.clone();
+        while !open.is_empty() {
+            let wanted = self.leaning(&left, bounds, &open);
+            let beyond = |i: usize| {
+                let Bound { low, high, .. } = bounds[open[i]];
+                (low - wanted[i]).max(wanted[i] - high) / (high - low).max(1e-12)
+            };
+            let worst = (0..open.len()).max_by(|a, b| beyond(*a).total_cmp(&beyond(*b))).unwrap_or(0);
+            if beyond(worst) <= 0.0 {
+                open.iter().zip(wanted.iter()).for_each(|(j, u)| moved[*j] = *u);
+                break;
+            }
+            let j = open.remove(worst);
+            moved[j] = wanted[worst].clamp(bounds[j].low, bounds[j].high);
+            left -= self.directions.column(j) * moved[j];
+        }
+        moved
+    }
+
+    /// Best positions along some of the directions, each drawn to where its bound leans.
+    fn leaning(&self, off: &DVector<f64>, bounds: &[Bound], open: &[usize]) -> DVector<f64> {
+        let weighted = self.weighted.select_columns(open);
+        let mut information = self.information.select_rows(open).select_columns(open);
+        let mut right = weighted.transpose() * off;
+        for (i, j) in open.iter().enumerate() {
+            let Bound { weight, leans, .. } = bounds[*j];
+            information[(i, i)] += weight;
+            right[i] += weight * leans;
+        }
+        information.lu().solve(&right).unwrap_or_else(|| DVector::zeros(open.len()))
     }
 
     pub fn covariance(&self) -> DMatrix<f64> {

@@ -39,7 +39,7 @@ pub use page::page;
 pub use picture::{Picture, Trace};
 pub use reference::{Limits, Progress, Reference};
 pub use run::{Options, diagnose};
-pub use setup::{Part, Scene, Setup};
+pub use setup::{Extent, Part, Scene, Setup};
 pub use still::Still;
 pub use vector::Statistic;
 

@@ -13,6 +13,9 @@ const WEAK: f64 = 40.0;
 /// Largest cosine that is projected out.
 const LIKEST: f64 = 0.97;
 
+/// Halvings of the logarithm of where an effect sets in: a few per cent.
+const ONSET_STEPS: usize = 6;
+
 /// Events that a set must be expected to hold: fewer than one set in a hundred then has none.
 const EVENTS: f64 = 5.0;
 
@@ -65,7 +68,7 @@ impl Reference {
             }
             let length = (square * (1.0 - alike * alike)).sqrt();
             let knob = weak.candidate.knobs[0];
-            let u = weak.candidate.at[0] * SCORE / length;
+            let u = self.onset(&weak, SCORE / length).ok()?;
             let strength = (knob.value(u) - knob.value(0.0)).abs();
             found.push(Nameable { name, key: knob.key, strength, nearest, alike });
         }
@@ -120,6 +123,27 @@ impl Reference {
             signature = weaker;
         }
         Ok(signature)
+    }
+
+    /// Position at which a signature has `share` of its length, which is small. A straight line from no effect
+    /// would promise too much of one that sets in late, as a clamp does: three times further it must have done
+    /// at least half of what the line says, or the position is where it does.
+    fn onset(&self, weak: &Signature, share: f64) -> Result<f64> {
+        let (mut low, mut high) = (3.0 * share, 1.0);
+        let promised = self.square(weak) * low * low;
+        let holds = |share: f64| -> Result<bool> {
+            let mut candidate = weak.candidate.clone();
+            candidate.at[0] *= share;
+            Ok(self.square(&self.signature(candidate)?) > 0.25 * promised)
+        };
+        if low >= high || holds(low)? {
+            return Ok(weak.candidate.at[0] * share);
+        }
+        for _ in 0..ONSET_STEPS {
+            let middle = (low * high).sqrt();
+            if holds(middle)? { high = middle } else { low = middle }
+        }
+        Ok(weak.candidate.at[0] * high)
     }
 
     fn square(&self, s: &Signature) -> f64 {

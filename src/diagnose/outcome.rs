@@ -13,6 +13,10 @@ use crate::error::Result;
 /// Quantile of Student's law for 95 % intervals: a deviation is known from thirty simulations.
 const INTERVAL: f64 = 2.04;
 
+/// Share of the first excess that all names together must explain where something is left: what the catalogue holds
+/// leaves a few per cent at most, and a name that stands in for something else leaves a fifth.
+const WHOLE: f64 = 0.95;
+
 /// Relative deviation below which a known number is not worth a word.
 const WORTH: f64 = 0.02;
 
@@ -146,13 +150,12 @@ pub(super) fn outcome(
     given: Option<&Camera>,
 ) -> Result<Diagnosis> {
     let off = data - &found.own.mean;
-    let moved = found.own.metric.fit(&off);
-    for j in 0..found.fit.u.len() {
-        let knob = found.fit.model.knobs[j];
-        // The last, small step that the linear fit still asks for.
-        let most = 2.0 * found.own.deviations[j];
-        found.fit.u[j] = knob.clamped(found.fit.u[j] + moved[j].clamp(-most, most));
+    // The last, small step that the linear fit still asks for.
+    let mut bounds = found.fit.bounds();
+    for (bound, deviation) in bounds.iter_mut().zip(&found.own.deviations) {
+        (bound.low, bound.high) = (bound.low.max(-2.0 * deviation), bound.high.min(2.0 * deviation));
     }
+    found.fit = found.fit.moved(&found.own.metric.bounded(&off, &bounds));
     let interval = |j: usize| {
         let (knob, u, sd) = (found.fit.model.knobs[j], found.fit.u[j], found.own.deviations[j]);
         parameter(knob, u, INTERVAL * sd)
@@ -184,7 +187,7 @@ pub(super) fn outcome(
             found.heldout.get(i + 1).copied().unwrap_or(0.0),
         );
         let whole = (found.train[0] - found.train.last().copied().unwrap_or(0.0)) / total.max(1.0);
-        let resembles = found.left && share.min(whole) < 0.5;
+        let resembles = found.left && (share < 0.5 || whole < WHOLE);
         effects.push(FoundEffect { name, parameters, tied_with, resembles, evidence });
     }
     if let Some(given) = given {

@@ -11,7 +11,7 @@ use super::picture::pictures;
 use super::rebase::rebased;
 use super::reference::{Progress, Reference, Signature};
 use super::search::{Judge, search};
-use super::setup::{Measured, Part, Setup};
+use super::setup::{Extent, Measured, Part, Setup};
 use super::time::{line, power};
 use crate::calibrate::{self, Calibration, Light, RecordingSet, Scene as Pattern};
 use crate::effects::{Camera, find};
@@ -32,6 +32,8 @@ pub struct Options<'a> {
     pub reference: Option<&'a Reference>,
     /// Seed of all simulations.
     pub seed: u64,
+    /// How much of large recordings is judged.
+    pub extent: Extent,
 }
 
 /// Finds what the model lacks.
@@ -52,7 +54,8 @@ pub fn diagnose(
     let alone = set.recordings.is_empty() || set.recordings.iter().any(still);
     let (first, second) =
         if holdout.is_some() || alone { (Part::Whole, Part::Whole) } else { (Part::First, Part::Second) };
-    let (setup, other) = (Setup::of(set, first)?, Setup::of(holdout.unwrap_or(set), second)?);
+    let extent = options.extent;
+    let (setup, other) = (Setup::of(set, first, extent)?, Setup::of(holdout.unwrap_or(set), second, extent)?);
     poor(&setup, options.camera.is_some())?;
     same_protocol(&setup, &other)?;
     progress("reading", 0.0);
@@ -87,6 +90,11 @@ pub fn diagnose(
         diagnosis.notes.push(format!(
             "The scene is large: rows {first} to {} were judged, which hold most of its even surface.",
             first + rows - 1
+        ));
+    }
+    if let Some(readouts) = setup.first_readouts {
+        diagnosis.notes.push(format!(
+            "The recordings are large: the first {readouts} readouts of each were judged. --everything judges all of them, which sees weaker and slower effects and takes longer in proportion."
         ));
     }
     progress("pictures", 0.95);

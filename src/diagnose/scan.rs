@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::bits::{PixelBits, coincidences, count_blocks, word_at};
+use super::bits::{PixelBits, coincidences, count_between, count_blocks, word_at};
 use crate::spikes::{Geometry, Packed, count};
 
 /// Blocks of time whose counts are compared.
@@ -13,6 +13,20 @@ pub(super) const LAGS: [usize; 3] = [1, 4, 16];
 
 /// Longest interval with a mask of its own in bright light.
 const LONGEST: usize = 8;
+
+/// What a scene makes worth looking at.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Look {
+    /// Every interval: where spikes are few.
+    pub dim: bool,
+    /// The halves of rows together.
+    pub rows: bool,
+    /// The dark half periods of a square wave of this half period, in readouts.
+    pub half_period: Option<usize>,
+}
+
+/// Readouts after a fall that the first interval in the new light may take.
+pub(super) const SETTLED: usize = 20;
 
 /// What a pixel did.
 #[derive(Clone, Copy, Debug, Default)]
@@ -26,6 +40,8 @@ pub(super) struct PixelScan {
     pub terms: [f64; LAGS.len()],
     /// Covariance of intervals one and two apart, in thresholds squared; sums.
     pub covariance: [f64; 2],
+    /// Spikes from [`SETTLED`] readouts after every fall of the light to its next rise.
+    pub after_falls: u32,
     /// Intervals off the pixel's lattice: shorter, longer.
     pub off_lattice: [u32; 2],
 }
@@ -49,8 +65,9 @@ pub(super) struct Scan {
     pub contrast: f64,
 }
 
-/// Scans packed frames; `dim` recordings have every interval looked at, and the halves of rows where asked for.
-pub(super) fn scan(frames: Packed<'_>, dim: bool, rows_too: bool) -> Scan {
+/// Scans packed frames for what `look` asks.
+pub(super) fn scan(frames: Packed<'_>, look: Look) -> Scan {
+    let dim = look.dim;
     let bits = PixelBits::new(frames);
     let geometry = bits.geometry;
     let n = geometry.pixels();
@@ -61,7 +78,7 @@ pub(super) fn scan(frames: Packed<'_>, dim: bool, rows_too: bool) -> Scan {
         .map(|band| {
             let mut deviations = vec![[0.0; 2]; if dim { bits.readouts } else { 0 }];
             let mut times = Vec::new();
-            let of_pixel = |p| pixel(&bits, p, dim, &mut times, &mut deviations);
+            let of_pixel = |p| pixel(&bits, p, look, &mut times, &mut deviations);
             let pixels = (band * rows..((band + 1) * rows).min(n)).map(of_pixel).collect();
             (pixels, deviations)
         })
@@ -76,7 +93,7 @@ pub(super) fn scan(frames: Packed<'_>, dim: bool, rows_too: bool) -> Scan {
     Scan {
         geometry,
         changes: changes(frames),
-        row_halves: if rows_too { row_halves(frames) } else { 0.0 },
+        row_halves: if look.rows { row_halves(frames) } else { 0.0 },
         neighbours: neighbours(&bits, &pixels),
         pixels,
         totals,
@@ -88,7 +105,7 @@ pub(super) fn scan(frames: Packed<'_>, dim: bool, rows_too: bool) -> Scan {
 fn pixel(
     bits: &PixelBits,
     p: usize,
-    dim: bool,
+    look: Look,
     times: &mut Vec<u32>,
     deviations: &mut [[f64; 2]],
 ) -> PixelScan {
@@ -96,6 +113,9 @@ fn pixel(
     let mut scan = PixelScan::default();
     scan.blocks = count_blocks(words, std::array::from_fn(|b| (b + 1) * bits.readouts / BLOCKS));
     scan.count = scan.blocks.iter().sum();
+    if let Some(half) = look.half_period {
+        scan.after_falls = dark_halves(bits.readouts, half).map(|(a, b)| count_between(words, a, b)).sum();
+    }
     let Some(first) = words.iter().position(|w| *w != 0) else { return scan };
     let last = words.iter().rposition(|w| *w != 0).unwrap_or(first);
     let start = first * 64 + words[first].trailing_zeros() as usize;
@@ -109,7 +129,7 @@ fn pixel(
         return scan;
     }
     let mean = scan.rate.recip();
-    if dim {
+    if look.dim {
         times.clear();
         for (w, word) in words.iter().enumerate() {
             let mut rest = *word;
@@ -123,6 +143,11 @@ fn pixel(
         bright(words, mean, &mut scan);
     }
     scan
+}
+
+/// The settled part of each whole dark half period; the wave begins bright.
+pub(super) fn dark_halves(readouts: usize, half: usize) -> impl Iterator<Item = (usize, usize)> {
+    (half..).step_by(2 * half).map(move |at| (at + SETTLED, at + half)).take_while(move |w| w.1 <= readouts)
 }
 
 /// Every interval of a dim pixel.

@@ -31,6 +31,9 @@ const PROMISING: f64 = 0.45;
 const FEW: usize = 2;
 pub(super) const SOME: usize = 6;
 
+/// Times that an accepted model is fitted again with its own noise.
+const REFITS: usize = 2;
+
 /// Fall of the held-out deviance below which a name is not kept: three deviations of one number.
 const BETTER: f64 = 9.0;
 
@@ -180,8 +183,9 @@ impl Reference {
         if entrants.is_empty() {
             return Ok(None);
         }
-        let enter =
-            |(scale, s): &(f64, &Signature)| self.refine(fit.with(&s.candidate, *scale), data, 2, FEW);
+        let enter = |(scale, s): &(f64, &Signature)| {
+            self.refine(self.start(&fit.with(&s.candidate, *scale), data)?, data, 2, FEW)
+        };
         let mut fits = entrants.par_iter().map(enter).collect::<Result<Vec<_>>>()?;
         fits.sort_by(|a, b| a.price().total_cmp(&b.price()));
         // Near the front, once more and with less noise.
@@ -205,6 +209,16 @@ impl Reference {
         let entrants = std::iter::once(&best).chain(&fits).map(entrant).collect();
         let round = Round { winner: name(&best), entrants, accepted: false, share, mean: best.mean.clone() };
         Ok(Some((best, round)))
+    }
+
+    /// The better of two places to begin: the base model's numbers as fitted before, or as calibrated.
+    fn start(&self, fit: &Fit, data: &DVector<f64>) -> Result<Fit> {
+        let (mut moved, mut calibrated) = (fit.clone(), fit.with_calibrated_base());
+        if fit.effects.len() > 1 {
+            self.evaluate(&mut moved, data, FEW)?;
+            self.evaluate(&mut calibrated, data, FEW)?;
+        }
+        Ok(if calibrated.cost < moved.cost { calibrated } else { moved })
     }
 
     /// The candidates that promise most, each name once with its best shape and scale.
@@ -235,22 +249,24 @@ impl Reference {
         entrants
     }
 
-    /// The fitted model judged by itself, once more where its own noise asks for other numbers.
+    /// The fitted model judged by itself, again as long as its own noise asks for other numbers.
     fn converged(&self, fit: &mut Fit, data: &DVector<f64>) -> Result<Own> {
-        let own = self.own(fit, data)?;
-        let moved = own.metric.fit(&(data - &own.mean));
-        let base = self.model.knobs.len();
-        let far = (base..fit.u.len()).any(|j| moved[j].abs() > own.deviations[j]);
-        if !far {
-            return Ok(own);
+        let mut own = self.own(fit, data)?;
+        for _ in 0..REFITS {
+            let moved = own.metric.bounded(&(data - &own.mean), &fit.bounds());
+            let base = self.model.knobs.len();
+            let far = (base..fit.u.len()).any(|j| moved[j].abs() > own.deviations[j]);
+            if !far {
+                break;
+            }
+            let mut next = self.refine(fit.moved(&moved), data, 2, 2 * SOME)?;
+            if next.cost > fit.cost {
+                break;
+            }
+            own = self.own(&mut next, data)?;
+            *fit = next;
         }
-        let mut next = self.refine(fit.moved(&moved), data, 2, 2 * SOME)?;
-        if next.cost > fit.cost {
-            return Ok(own);
-        }
-        let again = self.own(&mut next, data)?;
-        *fit = next;
-        Ok(again)
+        Ok(own)
     }
 
     /// Drops effects whose amplitude is within three deviations of none.

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::scan::{Scan, scan};
+use super::scan::{Look, Scan, scan};
 use super::still::{self, Still};
 use super::vector::{Statistic, Vector, vector};
 use crate::calibrate::{Light, Recording, RecordingSet, Scene as Pattern};
@@ -15,6 +15,13 @@ use crate::spikes::{Geometry, Packed};
 
 /// Rates up to this have all intervals looked at.
 const DIM: f64 = 0.25;
+
+/// Pixel-readouts of a recording that are judged, and readouts that are judged at least: two and a half periods of
+/// the usual square wave. What is named is far stronger than what so many show, and a simulation takes as long.
+const ENOUGH: (usize, usize) = (50_000_000, 2500);
+
+/// Shortest half period after whose edges a response can be seen, in readouts.
+const SHORTEST: usize = 340;
 
 /// Fewest readouts of a recording that can be judged.
 const FEWEST: usize = 256;
@@ -80,6 +87,16 @@ impl Scene {
     pub(super) fn dim(&self) -> bool {
         self.constant() && self.brightness() < DIM
     }
+
+    /// A square wave's half period in readouts, where the light rests long enough after an edge.
+    pub(super) fn half_period(&self) -> Option<usize> {
+        let Light::Scene(Pattern::Square { half_period, .. }) = self.light else { return None };
+        Some(half_period as usize).filter(|h| *h >= SHORTEST)
+    }
+
+    fn look(&self) -> Look {
+        Look { dim: self.dim(), rows: self.rows(), half_period: self.half_period() }
+    }
 }
 
 /// All recordings of a set.
@@ -95,6 +112,8 @@ pub struct Setup {
     pub maps: bool,
     /// First row and rows that are looked at, where a still scene is larger than 20,000 pixels.
     pub band: Option<(usize, usize)>,
+    /// Readouts of the longest recording that are judged, where it has more.
+    pub first_readouts: Option<usize>,
 }
 
 /// A camera and how far each scene's light is off: factors near one.
@@ -109,6 +128,16 @@ pub(super) struct Sample {
 pub(super) struct Measured {
     pub scans: Vec<Scan>,
     pub values: Vec<f64>,
+}
+
+/// How much of large recordings is judged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Extent {
+    /// The first 50 million pixel-readouts of each, but 2,500 readouts at least.
+    #[default]
+    Enough,
+    /// All readouts.
+    Everything,
 }
 
 /// Which part of the recordings is looked at.
@@ -127,12 +156,21 @@ impl Setup {
     ///
     /// # Errors
     /// When a file cannot be read, or a recording is too short to judge.
-    pub fn of(set: &RecordingSet, part: Part) -> Result<Self> {
+    pub fn of(set: &RecordingSet, part: Part, extent: Extent) -> Result<Self> {
         let geometry = set.geometry()?;
-        let mut scenes = Vec::new();
+        let most = match extent {
+            Extent::Enough => (ENOUGH.0 / geometry.pixels()).max(ENOUGH.1),
+            Extent::Everything => usize::MAX,
+        };
+        let (mut scenes, mut first_readouts) = (Vec::new(), None);
         for recording in &set.recordings {
             let reader = set.reader(recording)?;
-            let (skip, readouts) = cut(reader.readouts(), recording.light, part);
+            // Both parts of a recording that is cut in the middle have as many.
+            let all = if part == Part::Whole { most } else { most.saturating_mul(2) };
+            if reader.readouts() > all {
+                first_readouts = first_readouts.max(Some(all));
+            }
+            let (skip, readouts) = cut(reader.readouts().min(all), recording.light, part);
             if readouts < FEWEST {
                 return Err(Error::new(Kind::Input, &recording.file)
                     .found(format_args!("{readouts} readouts"))
@@ -149,7 +187,7 @@ impl Setup {
             scenes.push(Scene { name, light: recording.light, readouts, skip, still });
         }
         let maps = scenes.is_empty() && set.rate_maps.len() >= 2;
-        let setup = Self { geometry, readout_hz: set.readout_hz, scenes, maps, band: None };
+        let setup = Self { geometry, readout_hz: set.readout_hz, scenes, maps, band: None, first_readouts };
         setup.cut_to_band()
     }
 
@@ -283,7 +321,7 @@ fn seeds(seed: u64, k: usize) -> Seeds {
 }
 
 fn scan_of(geometry: Geometry, bytes: &[u8], scene: &Scene) -> Result<Scan> {
-    Ok(scan(Packed::new(geometry, bytes)?, scene.dim(), scene.rows()))
+    Ok(scan(Packed::new(geometry, bytes)?, scene.look()))
 }
 
 fn cut(readouts: usize, light: Light, part: Part) -> (usize, usize) {

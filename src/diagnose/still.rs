@@ -2,7 +2,7 @@
 
 use super::lines::Lines;
 use super::maps;
-use super::scan::{PixelScan, Scan, scan};
+use super::scan::{Look, PixelScan, Scan, scan};
 use super::setup::{Sample, Scene, Setup};
 use super::vector::Vector;
 use crate::calibrate::{RecordingSet, observe};
@@ -46,7 +46,7 @@ impl Still {
         let geometry = reader.geometry();
         let mut bytes = vec![0; reader.readouts() * geometry.frame_bytes()];
         reader.read_frames(0, &mut bytes)?;
-        let scan = scan(Packed::new(geometry, &bytes)?, false, false);
+        let scan = scan(Packed::new(geometry, &bytes)?, Look::default());
         let rates: Vec<f64> = scan.pixels.iter().map(|p| p.rate).collect();
         let half = |p: &PixelScan, late: bool| -> u32 {
             let (a, b) = p.blocks.split_at(p.blocks.len() / 2);
@@ -114,7 +114,7 @@ impl Still {
         simulator.push(FrameRef::f32(&samples, geometry), &mut bits)?;
         bits.resize(scene.readouts * geometry.frame_bytes(), 0);
         simulator.push(FrameRef::f32(&samples, geometry), &mut bits)?;
-        let mut found = scan(Packed::new(geometry, &bits)?, scene.dim(), false);
+        let mut found = scan(Packed::new(geometry, &bits)?, Look { dim: scene.dim(), ..Look::default() });
         self.keep(&mut found);
         Ok(found)
     }

@@ -68,6 +68,7 @@ pub(super) fn vector(setup: &Setup, scans: &[Scan]) -> Vector {
         time::frames(&mut v, k, scan, scene);
         edges::steps(&mut v, k, scan, scene);
         if let Some(fitted) = &fitted {
+            edges::after_falls(&mut v, k, scan, scene, fitted);
             edges::checkerboard(&mut v, k, scan, scene, fitted);
         }
     }

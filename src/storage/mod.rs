@@ -33,6 +33,14 @@ pub fn write_small(path: &Path, bytes: &[u8], force: bool) -> Result<()> {
     partial.commit().map(drop)
 }
 
+/// Whether `names` in `folder` may be written: asked before hours of work, not after.
+///
+/// # Errors
+/// [`Kind::Exists`](crate::Kind::Exists) when one exists and `force` is false, or is a directory.
+pub fn refuse_existing(folder: &Path, names: &[&str], force: bool) -> Result<()> {
+    names.iter().try_for_each(|name| partial::refuse_existing(&folder.join(name), force))
+}
+
 /// Bytes that an ordinary user may still write to the disk that holds (or will hold) `path`.
 ///
 /// # Errors

@@ -98,7 +98,7 @@ fn exists(path: &Path) -> Error {
         .remedy("choose another output, or allow overwriting (--force)")
 }
 
-fn refuse_existing(path: &Path, force: bool) -> Result<()> {
+pub(super) fn refuse_existing(path: &Path, force: bool) -> Result<()> {
     // Not `Path::exists`: a dangling link is somebody's too.
     match fs::symlink_metadata(path) {
         Ok(found) if found.is_dir() => Err(Error::new(Kind::Exists, path.display())
