@@ -25,7 +25,7 @@ const STRENGTHS: (f64, f64) = (2.0, 30.0);
 
 /// Smallest share of its largest strength that an effect from outside has. At 0.3 the weakest of them, a diagonal band of
 /// 0.015 among 2,304 pixels that differ by 0.073, has a peak of 2304 0.015^2 / (4 0.073^2) = 24 times the mean in the
-/// spectrum of the gain, where the highest of 1,100 frequencies has 7.6 +- 1.3.
+/// spectrum of the gain, 16 where it falls between two frequencies; the highest of the others has 8 to 9 +- 1.3.
 const OUTSIDE_RANGE: f64 = 0.3;
 
 /// The smallest nameable strength of each effect.
