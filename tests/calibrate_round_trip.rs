@@ -34,7 +34,7 @@ fn measured(set: &RecordingSet) -> BTreeMap<(String, String), f64> {
 fn round(camera: &Camera, protocol: &Protocol, r: u64) -> BTreeMap<(String, String), [f64; 2]> {
     let quiet = &mut |_: &str, _: f64| {};
     let folder = tempfile::tempdir().unwrap();
-    let seeds = |shot: u64| Seeds { camera: 3, shot, sequence: 0 };
+    let seeds = |shot: u64| Seeds { camera: 3 + r, shot, sequence: 0 };
     let path = protocol.record(camera, seeds(100 + r), folder.path(), false, quiet).unwrap();
     let set = RecordingSet::open(&path).unwrap();
     let found = calibrate(&observe(&set, quiet).unwrap(), &Options::default()).unwrap();
@@ -45,8 +45,13 @@ fn round(camera: &Camera, protocol: &Protocol, r: u64) -> BTreeMap<(String, Stri
     first.into_iter().map(|(key, a)| (key.clone(), [a, second[&key]])).collect()
 }
 
-/// Pairs of cameras of one fixed pattern: the mean difference of each statistic over its standard
-/// error over the rounds, which holds temporal noise and the errors of the calibrations.
+/// Pairs of cameras of one fixed pattern, another one in every round: the mean difference of each statistic over its standard
+/// error over the rounds. That holds the noise of both recordings and all errors of the calibrations. With one pattern for all
+/// rounds it would miss what the pattern does to a calibration: the growth of interval variance depends on
+/// where the pixels' periods lie between whole readouts, and so do the photons found.
+///
+/// What chance gives: `t` of a mean of `n` rounds follows Student's law of `n - 1` degrees, whatever the statistic's own error. Of 204
+/// statistics, 3.0 % or six lie beyond 3 and 0.6 % or one beyond 4.5 with five degrees; 2.0 % and 0.3 % with seven.
 fn compare(width: u32, height: u32, readouts: u32, rounds: u64) -> Vec<(f64, String)> {
     let flat = |l: &f64| (format!("light_{l}"), Light::Level(*l));
     let protocol = Protocol { recordings: LEVELS.iter().map(flat).collect(), readouts };
@@ -92,7 +97,7 @@ fn every_statistic_survives_calibration_and_simulation() {
 }
 
 #[test]
-#[ignore = "takes minutes and 1 GB of disk, and fails for the same photons as the recovery (docs/calibration.md)"]
+#[ignore = "takes minutes and 1 GB of disk; not run to its end since its rounds differ in their pixels (docs/calibration.md)"]
 fn every_statistic_of_a_whole_sensor_survives() {
     let all = compare(400, 250, 10_000, 6);
     print(&all);

@@ -9,6 +9,7 @@
 //!
 //! `docs/calibration.md` has the method and what it reaches.
 
+mod below;
 mod check;
 mod estimate;
 mod fit;
@@ -17,6 +18,7 @@ mod noise;
 mod observe;
 mod output;
 mod page;
+mod phase;
 mod population;
 mod protocol;
 mod recordings;
@@ -30,6 +32,7 @@ pub use fit::{PixelFit, Weighting, fit_line, least_absolute};
 pub use observe::{IntervalNoise, Level, Observed, Progress, observe};
 pub use output::{Files, write};
 pub use page::page;
+pub use phase::growth_ratio;
 pub use population::{Population, threshold_spread};
 pub use protocol::{Precision, Protocol, predict};
 pub use recordings::{Light, RateMap, Recording, RecordingSet, Scene};

@@ -4,8 +4,9 @@ use rayon::prelude::*;
 
 use super::estimate::Fitter;
 use super::observe::Level;
+use super::phase::growth_ratio;
 use super::result::Redrawn;
-use crate::measure::Estimate;
+use crate::measure::{Estimate, median};
 use crate::sensor::Sensor;
 
 /// What the interval variance of a level says.
@@ -125,8 +126,24 @@ impl Fitter<'_> {
         }
         let squares = good.iter().map(|p| (weight(*p) * (map[*p] - raw)).powi(2)).sum::<f64>();
         let of_light = |p: &usize| weight(*p) * self.lit(*p, level, level.rate[*p]) * self.quantum(*p);
-        let s = Estimate { value: mean, error: squares.sqrt() / total, samples: good.len() };
-        Some(Growth { s, threshold: unit, light: good.iter().map(of_light).sum::<f64>() / total })
+        let light = good.iter().map(of_light).sum::<f64>() / total;
+        let ratio = self.remembered(level, &good, square.sqrt(), light);
+        let s = Estimate { value: mean / ratio, error: squares.sqrt() / total / ratio, samples: good.len() };
+        Some(Growth { s, threshold: unit, light })
+    }
+
+    /// What remembered phases make of the growth of a level's variance, at the median rate of `good`: 0.1 % at 24
+    /// readouts a spike, 0.4 % at 12 and 1 % at 8. It changes so little from pixel to pixel that one for all will do.
+    fn remembered(&self, level: &Level, good: &[usize], sigma: f64, light: f64) -> f64 {
+        let lags = level.noise.as_ref().map_or(&[][..], |noise| &noise.lags);
+        if self.noise.redrawn == Redrawn::EveryReset || lags.len() < 2 {
+            return 1.0;
+        }
+        let mut rates: Vec<f64> = good.iter().map(|p| level.rate[*p]).collect();
+        let x = self.increment(median(&mut rates), sigma);
+        let ratio = growth_ratio(sigma / x, (light * self.noise.light).max(0.0).sqrt() / x, lags);
+        // Noise too small for the integrals tells no phase either.
+        if (0.5..2.0).contains(&ratio) { ratio } else { 1.0 }
     }
 
     /// Two means over the posterior of a pixel's threshold, by Gauss and Hermite's three points. First the square of the charge

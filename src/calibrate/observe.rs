@@ -15,6 +15,9 @@ use crate::spikes::Geometry;
 /// drowns in quantisation, and intervals cost most.
 const DIM: f64 = 0.12;
 
+/// Spans, in intervals, whose variances are measured.
+const LAGS: [u32; 6] = [1, 2, 4, 8, 16, 32];
+
 /// Told the file being read and the share of all bits done, 0 to 1.
 pub type Progress<'a> = &'a mut dyn FnMut(&str, f64);
 
@@ -23,6 +26,8 @@ pub type Progress<'a> = &'a mut dyn FnMut(&str, f64);
 pub struct IntervalNoise {
     /// Per pixel, in its own thresholds squared; NaN where too few intervals.
     pub map: Vec<f64>,
+    /// The spans whose variances gave it, in intervals.
+    pub lags: Vec<u32>,
 }
 
 /// A uniform level: per-pixel maps, row-major.
@@ -133,7 +138,7 @@ fn measured(reader: &Reader, intervals: bool, tell: &mut dyn FnMut(usize)) -> Re
         counts: true,
         frames: false,
         intervals,
-        lags: vec![1, 2, 4, 8, 16, 32],
+        lags: LAGS.to_vec(),
         split: Some((reader.readouts() / 2) as u32),
         series_readouts: 0,
         ..Options::default()
@@ -158,7 +163,8 @@ fn level(name: &str, light: f64, statistics: &Statistics) -> Level {
     level.noise = statistics.intervals.as_ref().map(|intervals| {
         let shortest = shortest_lag(&level);
         let of_pixel = |p: usize| intervals.growth(p, shortest) * level.rate[p] * level.rate[p];
-        IntervalNoise { map: (0..intervals.len()).into_par_iter().map(of_pixel).collect() }
+        let map = (0..intervals.len()).into_par_iter().map(of_pixel).collect();
+        IntervalNoise { map, lags: fitted_lags(&level, shortest) }
     });
     level
 }
@@ -172,6 +178,13 @@ fn shortest_lag(level: &Level) -> u32 {
     let intervals: Vec<f64> = level.rate.iter().filter(|f| **f > 0.0).map(|f| 1.0 / f).collect();
     let (_, spread) = median_and_spread(&mut finite(&intervals));
     if median(&mut spikes) < 32.0 && spread > 0.5 { 1 } else { 4 }
+}
+
+/// The lags that most pixels' growth is fitted to: none longer than half of their intervals.
+fn fitted_lags(level: &Level, shortest: u32) -> Vec<u32> {
+    let mut spikes: Vec<f64> = level.spikes.iter().map(|n| f64::from(*n)).collect();
+    let half = 0.5 * (median(&mut spikes) - 1.0);
+    LAGS.into_iter().filter(|lag| *lag >= shortest && f64::from(*lag) <= half).collect()
 }
 
 fn rate_map(folder: &Path, map: &RateMap, geometry: Geometry) -> Result<Level> {
