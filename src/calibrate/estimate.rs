@@ -174,7 +174,9 @@ impl<'a> Fitter<'a> {
     fn point(&self, p: usize, k: usize, level: &Level, sigma: f64) -> Option<Point> {
         let (f, n) = (level.rate[p], level.spikes[p]);
         let of_length = level.readouts > 0;
-        if f.is_nan() || f > SATURATED || (of_length && n == 0) {
+        // Silence in the dark says that the dark current is small; the lit levels alone would leave it anywhere about
+        // zero, and a camera file holds what lies above. Silence in light is a dead pixel's.
+        if f.is_nan() || f > SATURATED || (of_length && n == 0 && level.light > 0.0) {
             return None;
         }
         let by_time = of_length && n >= LEAST_SPIKES;
@@ -188,7 +190,7 @@ impl<'a> Fitter<'a> {
         };
         let variance = match (of_length, by_time) {
             (true, true) => weighting.variance(f, f64::from(n - 1), lit),
-            // One or two spikes: a count at a random phase is off by half a spike at most.
+            // Up to two spikes: a count at a random phase is off by half a spike at most.
             (true, false) => 0.25 / (f64::from(level.readouts)).powi(2),
             // A map of unknown length: as after a thousand spikes.
             (false, _) => weighting.variance(f, 1000.0, lit) + 1e-14,
@@ -237,6 +239,7 @@ impl<'a> Fitter<'a> {
         fit.var_a += step.a * step.a;
         fit.var_d += step.d * step.d;
         fit.cov += step.a * step.d;
+        fit.by_threshold = [step.a, step.d];
     }
 
     /// Noise redrawn at every readout, or frozen: whichever the dark rate agrees with.

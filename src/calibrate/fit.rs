@@ -55,6 +55,8 @@ pub struct PixelFit {
     pub freedom: u32,
     /// Whether the least-absolute fit replaced the weighted one.
     pub robust: bool,
+    /// How far `a` and `d` move when the pixel's unknown threshold moves by its standard deviation.
+    pub by_threshold: [f64; 2],
 }
 
 impl PixelFit {
@@ -78,6 +80,7 @@ impl PixelFit {
         chi2: f64::NAN,
         freedom: 0,
         robust: false,
+        by_threshold: [0.0; 2],
     };
 }
 
@@ -100,7 +103,17 @@ pub fn fit_line(points: &[(f64, f64, f64)]) -> Option<PixelFit> {
     let (a, d) = ((s0 * y1 - s1 * y0) / det, (s2 * y0 - s1 * y1) / det);
     let chi2 = points.iter().map(|(m, x, v)| (x - a * m - d).powi(2) / v).sum();
     let freedom = points.len() as u32 - 2;
-    Some(PixelFit { a, d, var_a: s0 / det, var_d: s2 / det, cov: -s1 / det, chi2, freedom, robust: false })
+    Some(PixelFit {
+        a,
+        d,
+        var_a: s0 / det,
+        var_d: s2 / det,
+        cov: -s1 / det,
+        chi2,
+        freedom,
+        robust: false,
+        by_threshold: [0.0; 2],
+    })
 }
 
 /// The line of least weighted absolute residuals, exactly: an optimum of this linear
