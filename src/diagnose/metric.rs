@@ -199,3 +199,42 @@ impl Metric {
             .collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FREE: Bound = Bound { low: -9.0, high: 9.0, leans: 0.0, weight: 0.0 };
+
+    /// Two directions that lean on each other, deviations of one.
+    fn metric() -> Metric {
+        let covariance = DMatrix::identity(3, 3);
+        let factor = Cholesky::new(covariance.clone()).unwrap();
+        let directions = DMatrix::from_columns(&[
+            DVector::from_vec(vec![1.0, 0.0, 0.0]),
+            DVector::from_vec(vec![0.9, 0.5, 0.0]),
+        ]);
+        Metric::new(&Noise { covariance, factor }, directions)
+    }
+
+    #[test]
+    fn a_number_held_at_its_bound_leaves_the_best_place_to_the_other() {
+        let off = DVector::from_vec(vec![1.0, 1.0, 0.3]);
+        // Free, the second goes to 2 and the first to 1 - 0.9 * 2, but for the millionth that is added to the
+        // information's diagonal; its inverse is 5 at most, so that moves them by some 1e-5.
+        let free = metric().bounded(&off, &[FREE; 2]);
+        assert!((free[0] + 0.8).abs() < 1e-4 && (free[1] - 2.0).abs() < 1e-4, "{free}");
+        let held = metric().bounded(&off, &[FREE, Bound { high: 0.5, ..FREE }]);
+        assert!((held[0] - 0.55).abs() < 1e-4 && held[1] == 0.5, "{held}");
+    }
+
+    #[test]
+    fn a_number_that_nothing_tells_goes_where_its_bound_leans() {
+        let mut blind = metric();
+        blind.directions.column_mut(1).fill(0.0);
+        let blind = Metric::new(&blind.noise, blind.directions);
+        let off = DVector::from_vec(vec![1.0, 1.0, 0.3]);
+        let found = blind.bounded(&off, &[FREE, Bound { leans: -0.4, weight: 4.0, ..FREE }]);
+        assert!((found[1] + 0.4).abs() < 1e-6 && (found[0] - 1.0).abs() < 1e-5, "{found}");
+    }
+}
