@@ -12,6 +12,7 @@ use super::rebase::rebased;
 use super::reference::{Progress, Reference, Signature};
 use super::search::{Judge, search};
 use super::setup::{Extent, Measured, Part, Setup};
+use super::spread::Spread;
 use super::time::{line, power};
 use crate::calibrate::{self, Calibration, Light, RecordingSet, Scene as Pattern};
 use crate::effects::{Camera, find};
@@ -167,13 +168,14 @@ fn moved(camera: &Camera, c: &Calibration) -> Result<Camera> {
     let inverse = 1.0 + phi * phi;
     let to_pa = sensor.capacitance_ff * swing / (sensor.period_s() * 1e3);
     let own = |sd: f64, mean: f64| ((sd / mean).powi(2) - phi * phi).max(1e-4).sqrt();
-    let mean_d = (p.mean_d.value / inverse).max(1e-6);
+    let (centre_d, spread_d) = usual_dark(c);
+    let mean_d = (centre_d / inverse).max(1e-6);
     let values = [
         ("prnu", "mean", p.mean_a.value / inverse),
         ("prnu", "sigma", own(p.sd_a.value, p.mean_a.value) * p.mean_a.value / inverse),
         ("bias_voltage", "sigma", phi * swing),
         ("dark_current", "mean", mean_d * to_pa),
-        ("dark_current", "sigma", own(p.sd_d.value, p.mean_d.value).min(0.8) * mean_d * to_pa),
+        ("dark_current", "sigma", own(spread_d, centre_d).min(0.8) * mean_d * to_pa),
         ("thermal_noise", "sigma", c.sigma_t.value * swing),
     ];
     let mut camera = camera.clone();
@@ -185,6 +187,15 @@ fn moved(camera: &Camera, c: &Calibration) -> Result<Camera> {
         camera = if usable { camera.with(effect.with(key, value)?) } else { camera };
     }
     Ok(camera)
+}
+
+/// Dark rate of most pixels, and how it differs between them: a few hot ones would double a plain spread, and the search
+/// would have to bring it back before it could name them.
+fn usual_dark(c: &Calibration) -> (f64, f64) {
+    let d: Vec<f64> = c.fits.iter().map(|f| f.d).collect();
+    let errors: Vec<f64> = c.fits.iter().map(|f| f.var_d).collect();
+    let (spread, error) = (Spread::of(&d), Spread::of(&errors).median());
+    (spread.median(), (spread.sd().powi(2) - error).max(0.0).sqrt())
 }
 
 /// The signatures, with that of a flicker at the frequency that the frame totals show.
