@@ -82,7 +82,7 @@ fn compare(width: u32, height: u32, readouts: u32, rounds: u64) -> Compared {
         let t = difference.value / difference.error;
         let (value, off) = (first.value, difference.value);
         let line = format!("{file:<15} {key:<26} {value:>12.6} {off:>+12.2e} {t:>+7.2}");
-        all.push(Row { t, relative: off / value, key, line });
+        all.push(Row { t, line });
     }
     all.sort_by(|a, b| b.t.abs().total_cmp(&a.t.abs()));
     Compared { all, stated }
@@ -91,8 +91,6 @@ fn compare(width: u32, height: u32, readouts: u32, rounds: u64) -> Compared {
 /// The mean difference of a statistic over the rounds.
 struct Row {
     t: f64,
-    relative: f64,
-    key: String,
     line: String,
 }
 
@@ -130,13 +128,6 @@ fn every_statistic_of_a_whole_sensor_survives() {
     // means over pixels hold the fixed pattern, which both cameras share.
     let [pairs, beyond] = found.stated;
     assert!(beyond * 100 <= pairs, "{beyond} of {pairs}");
-    // Rates are known far better than that, and come out high by 1e-6 to 6e-5 of themselves, a hundredth of what threshold noise adds
-    // to them (docs/calibration.md): not asserted by their t, but small.
-    let (rates, others): (Vec<Row>, Vec<Row>) =
-        found.all.into_iter().partition(|row| ["mean-rate", "signal"].contains(&row.key.as_str()));
-    for row in &rates {
-        assert!(row.relative.abs() < 1e-4, "{}", row.line);
-    }
     // Five degrees: 150 statistics exceed 15 once in 280 sets of seeds.
-    assert!(others[0].t.abs() < 15.0, "{}", others[0].line);
+    assert!(found.all[0].t.abs() < 15.0, "{}", found.all[0].line);
 }

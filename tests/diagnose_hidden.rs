@@ -73,3 +73,23 @@ fn what_no_catalogue_holds_is_called_unknown() {
     assert!(found.effects.iter().all(|e| e.resembles), "{:?}", found.effects);
     assert!(!found.unknown.is_empty());
 }
+
+#[test]
+fn of_large_recordings_the_first_readouts_are_judged_unless_all_are_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    // 20,480 pixels: 50 million pixel-readouts are 2,441 readouts, and 2,500 are judged at least.
+    std::fs::write(folder.path().join("dark.dat"), vec![0; 160 * 128 / 8 * 5100]).unwrap();
+    let set =
+        "width = 160\nheight = 128\nreadout_hz = 20000.0\n[[recording]]\nfile = \"dark.dat\"\nlight = 0.0\n";
+    std::fs::write(folder.path().join("recordings.toml"), set).unwrap();
+    let set = RecordingSet::open(&folder.path().join("recordings.toml")).unwrap();
+    let judged = |part, extent| {
+        let setup = Setup::of(&set, part, extent).unwrap();
+        (setup.scenes[0].skip, setup.scenes[0].readouts, setup.first_readouts)
+    };
+    assert_eq!(judged(Part::Whole, Extent::Enough), (0, 2500, Some(2500)));
+    assert_eq!(judged(Part::Whole, Extent::Everything), (0, 5100, None));
+    // Both parts of a recording that is cut in the middle have as many.
+    assert_eq!(judged(Part::First, Extent::Enough), (0, 2500, Some(5000)));
+    assert_eq!(judged(Part::Second, Extent::Enough), (2500, 2500, Some(5000)));
+}

@@ -228,7 +228,8 @@ fn several(text: &mut String, title: &str, all: &[&Value]) {
             }
             let row = rows.entry(name).or_default();
             row[0] += 1;
-            row[1] += usize::from(is_said(record, name));
+            row[1] +=
+                usize::from(record["score"]["found"].as_array().is_some_and(|f| f.iter().any(|f| f == name)));
         }
         for name in record["score"]["wrong"].as_array().into_iter().flatten().filter_map(Value::as_str) {
             *wrong.entry(name).or_default() += 1;
@@ -252,16 +253,4 @@ fn several(text: &mut String, title: &str, all: &[&Value]) {
     let missed = list(missed.map(|(n, r)| format!("`{n}` {} of {}", r[0] - r[1], r[0])).collect());
     let wrong = list(wrong.iter().map(|(n, k)| format!("`{n}` {k}")).collect());
     writeln!(text, "Missed: {missed}. Said wrongly: {wrong}.\n").unwrap();
-}
-
-/// Whether `name` was said, or is tied with something that was.
-fn is_said(record: &Value, name: &str) -> bool {
-    let said = &record["said"];
-    let entries = |key: &str| said[key].as_array().cloned().unwrap_or_default();
-    let tied = |e: &Value| e["tied_with"].as_array().is_some_and(|t| t.iter().any(|t| t == name));
-    let effects = entries("effects").into_iter().filter(|e| e["resembles"] != true);
-    let misfits = entries("misfits");
-    let of_misfit = |m: &Value| m["parameter"].as_str().is_some_and(|p| p.split('.').next() == Some(name));
-    effects.into_iter().any(|e| e["name"] == name || tied(&e))
-        || misfits.iter().any(|m| of_misfit(m) || tied(m))
 }

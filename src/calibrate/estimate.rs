@@ -2,7 +2,7 @@
 //!
 //! 1. Rates by time `f`, which know `x` to `0.41/T`, without the bias of their ends.
 //! 2. Reset delay `r` and redrawn threshold noise undone:
-//!    charge balances when `x (1 - r f) = f - sigma^2 psi(f / sigma)`.
+//!    charge balances when `x (1 - r f) = f - sigma^2 psi(x / sigma) f / x`.
 //! 3. Weighted least squares per pixel, light levels as nuisances of all pixels together.
 //! 4. The least-absolute line where chi-square says that a level is wrong.
 //! 5. Moments of the population; threshold noise and quanta from interval variance.
@@ -39,6 +39,8 @@ pub(super) struct Point {
     pub(super) x: f64,
     pub(super) variance: f64,
     pub(super) bias: f64,
+    /// By how much `x` moves when the pixel's threshold moves by its standard deviation.
+    pub(super) by_threshold: f64,
 }
 
 /// Fits the model to what was observed.
@@ -75,6 +77,8 @@ pub(super) struct Fitter<'a> {
     pub(super) fits: Vec<PixelFit>,
     pub(super) threshold: Vec<[f64; 2]>,
     pub(super) offsets: Vec<Estimate>,
+    /// What remembered phases make of the rate that low draws add, by level.
+    pub(super) remembered: Vec<f64>,
     pub(super) bias_share: Estimate,
     pub(super) sigma_t: Estimate,
     pub(super) electrons: Estimate,
@@ -114,17 +118,12 @@ impl<'a> Fitter<'a> {
             fits: vec![PixelFit::UNKNOWN; geometry.pixels()],
             threshold: vec![[1.0, 0.0]; geometry.pixels()],
             offsets: vec![NOTHING; observed.levels.len()],
+            remembered: vec![1.0; observed.levels.len()],
             bias_share: Estimate { value: f64::NAN, error: f64::INFINITY, samples: 0 },
             sigma_t: NOTHING,
             electrons: NOTHING,
             notes: Vec::new(),
         })
-    }
-
-    /// Relative noise of pixel `p` in its own thresholds: the noise is a voltage, and
-    /// nearly all spread of thresholds is one of voltages.
-    fn sigma(&self, p: usize) -> f64 {
-        self.noise.square.sqrt() / self.threshold[p][0]
     }
 
     /// Variance per spike and per `sigma^2`, at an increment of `x` thresholds a readout.
@@ -149,7 +148,20 @@ impl<'a> Fitter<'a> {
     }
 
     pub(super) fn points(&self, p: usize) -> Vec<Point> {
-        self.points_with(p, self.sigma(p))
+        let levels = self.observed.levels.iter().enumerate();
+        levels.filter_map(|(k, level)| self.point(p, k, level)).collect()
+    }
+
+    /// Mean of a function of the pixel's threshold over its posterior, by Gauss and Hermite's three points, and by how much
+    /// the function moves with the threshold's standard deviation.
+    pub(super) fn over_threshold(&self, p: usize, of: impl Fn(f64) -> f64) -> (f64, f64) {
+        let [mean, sd] = self.threshold[p];
+        let step = (3.0_f64.sqrt() * sd).min(0.5 * mean);
+        if step == 0.0 {
+            return (of(mean), 0.0);
+        }
+        let (middle, low, high) = (of(mean), of(mean - step), of(mean + step));
+        ((4.0 * middle + low + high) / 6.0, (high - low) * sd / (2.0 * step))
     }
 
     /// The share of the charge that light brought to a pixel of rate `f`.
@@ -166,12 +178,7 @@ impl<'a> Fitter<'a> {
         if a.is_finite() { a } else { 1.0 }
     }
 
-    fn points_with(&self, p: usize, sigma: f64) -> Vec<Point> {
-        let levels = self.observed.levels.iter().enumerate();
-        levels.filter_map(|(k, level)| self.point(p, k, level, sigma)).collect()
-    }
-
-    fn point(&self, p: usize, k: usize, level: &Level, sigma: f64) -> Option<Point> {
+    fn point(&self, p: usize, k: usize, level: &Level) -> Option<Point> {
         let (f, n) = (level.rate[p], level.spikes[p]);
         let of_length = level.readouts > 0;
         // Silence in the dark says that the dark current is small; the lit levels alone would leave it anywhere about
@@ -181,8 +188,15 @@ impl<'a> Fitter<'a> {
         }
         let by_time = of_length && n >= LEAST_SPIKES;
         let f = if by_time { without_end_bias(f, f64::from(n - 1)) } else { f };
-        let x = self.increment(f, sigma);
+        // The noise is a voltage, and nearly all spread of thresholds is one of voltages.
+        let own = |phi: f64| self.noise.square.sqrt() / phi;
+        let added = |phi: f64| self.remembered[k] * bias(f, own(phi));
+        let (bias, by_threshold) = self.over_threshold(p, added);
+        let taken = if self.noise.redrawn == Redrawn::EveryReadout { bias } else { 0.0 };
+        let kept = 1.0 - self.noise.lost * f;
+        let x = (f - taken) / kept;
         let lit = self.lit(p, level, f);
+        let sigma = own(self.threshold[p][0]);
         let weighting = Weighting {
             threshold: sigma * sigma * self.share(x, sigma),
             light: self.noise.light * self.quantum(p),
@@ -196,7 +210,7 @@ impl<'a> Fitter<'a> {
             (false, _) => weighting.variance(f, 1000.0, lit) + 1e-14,
         };
         let light = level.light + self.offsets[k].value;
-        Some(Point { level: k, light, x, variance, bias: bias(f, sigma) })
+        Some(Point { level: k, light, x, variance, bias, by_threshold: -by_threshold / kept })
     }
 
     /// Fits levels and pixels; with `test`, how much of the rate bias is there as well.
@@ -209,7 +223,8 @@ impl<'a> Fitter<'a> {
     }
 
     fn pixel(&self, p: usize) -> PixelFit {
-        let points: Vec<_> = self.points(p).iter().map(|q| (q.light, q.x, q.variance)).collect();
+        let own = self.points(p);
+        let points: Vec<_> = own.iter().map(|q| (q.light, q.x, q.variance)).collect();
         let Some(mut fit) = fit_line(&points) else { return PixelFit::UNKNOWN };
         if fit.is_misfit()
             && let Some((a, d)) = least_absolute(&points)
@@ -221,20 +236,18 @@ impl<'a> Fitter<'a> {
             fit.var_d *= worse;
             fit.cov *= worse;
         }
-        self.add_threshold_error(p, &mut fit, &points);
+        self.add_threshold_error(p, &mut fit, &own);
         fit
     }
 
     /// What the pixel's unknown threshold adds: its own relative noise, and so the rate bias taken
     /// out at every level, is known no better than its threshold. The line moves by `(da, dd)`
     /// when the threshold moves by its standard deviation.
-    fn add_threshold_error(&self, p: usize, fit: &mut PixelFit, points: &[(f64, f64, f64)]) {
-        let [mean, sd] = self.threshold[p];
-        if sd == 0.0 || self.noise.redrawn != Redrawn::EveryReadout {
+    fn add_threshold_error(&self, p: usize, fit: &mut PixelFit, points: &[Point]) {
+        if self.threshold[p][1] == 0.0 || self.noise.redrawn != Redrawn::EveryReadout {
             return;
         }
-        let other = self.points_with(p, self.noise.square.sqrt() / (mean + sd));
-        let moved: Vec<_> = other.iter().zip(points).map(|(q, own)| (own.0, q.x - own.1, own.2)).collect();
+        let moved: Vec<_> = points.iter().map(|q| (q.light, q.by_threshold, q.variance)).collect();
         let Some(step) = fit_line(&moved) else { return };
         fit.var_a += step.a * step.a;
         fit.var_d += step.d * step.d;
@@ -328,14 +341,15 @@ impl<'a> Fitter<'a> {
     }
 }
 
-/// The rate that noise redrawn at every readout adds at rate `f`. The increment that `psi` asks for is the rate
-/// less this bias: one round is enough, the bias is half a per cent.
+/// The rate that noise redrawn at every readout adds at rate `f`: a spike takes `1 - sigma^2 psi(x / sigma) / x` of its threshold in
+/// the mean, so `x = f - sigma^2 psi(x / sigma) f / x`. Two rounds are enough: the bias is half a per cent.
 fn bias(f: f64, sigma: f64) -> f64 {
-    if sigma <= 0.0 {
+    if sigma <= 0.0 || f <= 0.0 {
         return 0.0;
     }
-    let first = sigma * sigma * psi(f / sigma);
-    sigma * sigma * psi((f - first) / sigma)
+    let added = |x: f64| sigma * sigma * psi(x / sigma) * f / x;
+    let left = |x: f64| f - added(x);
+    added(left(left(f)))
 }
 
 fn check_precision(fitter: &Fitter<'_>, population: &Population, options: &Options) -> Result<()> {

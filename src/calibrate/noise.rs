@@ -4,9 +4,9 @@ use rayon::prelude::*;
 
 use super::estimate::Fitter;
 use super::observe::Level;
-use super::phase::growth_ratio;
+use super::phase::{draw_ratio, growth_ratio};
 use super::result::Redrawn;
-use crate::measure::{Estimate, median};
+use crate::measure::{Estimate, median, median_and_spread};
 use crate::sensor::Sensor;
 
 /// What the interval variance of a level says.
@@ -54,6 +54,27 @@ impl Fitter<'_> {
             }
             _ => self.assume_noise(&lit, nominal),
         }
+        self.remembered = self.observed.levels.par_iter().map(|level| self.draws(level)).collect();
+    }
+
+    /// What remembered phases make of the rate that low draws add, at a level's median rate. It is the mean over all periods, so
+    /// it serves where the pixels' periods differ by half a readout and more; elsewhere the rate that is added is a ten-thousandth.
+    fn draws(&self, level: &Level) -> f64 {
+        let own = |p: &usize| (level.rate[*p] > 0.0 && self.fits[*p].d.is_finite()).then(|| level.rate[*p]);
+        let mut rates: Vec<f64> = (0..level.rate.len()).filter_map(|p| own(&p)).collect();
+        if self.noise.redrawn == Redrawn::EveryReset || rates.len() < 16 || self.noise.square <= 0.0 {
+            return 1.0;
+        }
+        let (f, spread) = median_and_spread(&mut rates);
+        if spread < 0.5 * f * f {
+            return 1.0;
+        }
+        let sigma = self.noise.square.sqrt();
+        let x = self.increment(f, sigma);
+        let mut dark: Vec<f64> = self.fits.iter().map(|fit| fit.d).filter(|d| d.is_finite()).collect();
+        let lit = if level.light == 0.0 { 0.0 } else { (1.0 - median(&mut dark) / f).max(0.0) };
+        let ratio = draw_ratio(sigma / x, (lit * self.noise.light).sqrt() / x);
+        if (0.5..2.0).contains(&ratio) { ratio } else { 1.0 }
     }
 
     fn set_noise(&mut self, square: f64, error: f64) {
@@ -151,14 +172,11 @@ impl Fitter<'_> {
     /// is less than the rate by what low draws save (0.5 % in the dark). Then the variance of that charge per spike, in the
     /// pixel's own thresholds, for each unit of a nominal pixel's `sigma^2`.
     fn unit_noise(&self, p: usize, f: f64, sigma: f64) -> [f64; 2] {
-        let [mean, sd] = self.threshold[p];
         let at = |phi: f64| {
             let own = sigma / phi;
             let x = self.increment(f, own);
             [(x / f).powi(2), self.share(x, own) / (phi * phi)]
         };
-        let step = (3.0_f64.sqrt() * sd).min(0.5 * mean);
-        let (middle, low, high) = (at(mean), at(mean - step), at(mean + step));
-        [0, 1].map(|i| (4.0 * middle[i] + low[i] + high[i]) / 6.0)
+        [0, 1].map(|i| self.over_threshold(p, |phi| at(phi)[i]).0)
     }
 }

@@ -67,6 +67,21 @@ pub fn growth_ratio(kappa: f64, w: f64, lags: &[u32]) -> f64 {
     slope / chain.independent(w)
 }
 
+/// The factor by which the draws at which a pixel fires lie lower in the mean than if every spike met a phase of its own, and
+/// with them the rate that they add: `kappa` and `w` as in [`growth_ratio`].
+#[must_use]
+pub(super) fn draw_ratio(kappa: f64, w: f64) -> f64 {
+    if kappa.hypot(w) > 1.0 {
+        return 1.0;
+    }
+    let chain = Chain::new(kappa.max(LEAST), w);
+    let zero = chain.harmonics as usize;
+    let row = chain.link[1].row(zero).transpose();
+    let of_turn = |i: u32| Some(row.dot(&chain.stationary(f64::from(i) / f64::from(TURNS))?).re);
+    let sum: Option<f64> = (0..TURNS).map(of_turn).sum();
+    sum.map_or(1.0, |sum| sum / f64::from(TURNS) / row[zero].re)
+}
+
 impl Chain {
     fn new(kappa: f64, w: f64) -> Self {
         let harmonics = (0.8 / kappa).ceil().clamp(3.0, MOST) as i32;
@@ -250,6 +265,50 @@ mod tests {
             let own = Chain::new(1.0 / g, 0.0).independent(0.0) * g * g;
             assert!((own / super::super::nu(g) - 1.0).abs() < 1e-3, "{g}: {own}");
         }
+    }
+
+    /// Mean of the draws at which pixels fire whose periods lie between 20 and 30 readouts, over `kappa`; readout by readout.
+    fn mean_draw(kappa: f64, w: f64, pixels: u32, spikes: u32) -> f64 {
+        let mut state = 7_u64;
+        let mut uniform = move || {
+            // splitmix64
+            state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+            let z = (state ^ (state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+            ((z ^ (z >> 31)) >> 11) as f64 / 9_007_199_254_740_992.0
+        };
+        let mut normal = || (-2.0 * (1.0 - uniform()).ln()).sqrt() * (2.0 * PI * uniform()).cos();
+        let mut sum = 0.0;
+        for p in 0..pixels {
+            let period = 20.0 + 10.0 * (f64::from(p) + 0.5) / f64::from(pixels);
+            // Charge above the threshold, at the first readout that draws can reach.
+            let mut charge = -9.0 * kappa;
+            for spike in 0..spikes {
+                let draw = loop {
+                    let draw = kappa * normal();
+                    if draw <= charge {
+                        break draw;
+                    }
+                    charge += 1.0;
+                };
+                sum += if spike >= 20 { draw } else { 0.0 };
+                charge += w * normal() - draw - period + 1.0;
+                charge += (-9.0 * kappa - charge).max(0.0).ceil();
+            }
+        }
+        sum / (f64::from(pixels) * f64::from(spikes - 20)) / kappa
+    }
+
+    #[test]
+    fn draws_lie_lower_where_phases_are_remembered() {
+        let (kappa, w) = (0.133, 0.096);
+        let even = -super::super::psi(1.0 / kappa) * kappa;
+        // Draws at spikes deviate by 0.75 of all draws' deviation: the mean of 1.2e7 of them is known to 0.19 %.
+        let found = mean_draw(kappa, w, 1000, 12_000) / even;
+        assert!((found - draw_ratio(kappa, w)).abs() < 0.006, "{found}");
+        assert!((draw_ratio(kappa, w) - 1.006).abs() < 5e-4);
+        // Even phases in the dark.
+        assert_eq!(draw_ratio(1.2, 0.1), 1.0);
     }
 
     #[test]

@@ -61,7 +61,7 @@ const CATALOGUE: &[Entry] = entries! {
     "smooth_prnu": deviation("sigma", (0.0, 0.1), &[0.02]), shape("length", (0.5, 20.0), &[1.0, 2.0, 4.5]);
     "vignetting": amplitude("strength", (0.0, 0.5), &[0.04, 0.2]);
     "row_noise": deviation("sigma", (0.0, 0.05), &[0.002, 0.012]);
-    "flicker": amplitude("depth", (0.0, 0.2), &[0.01]), shape("frequency_hz", (1.0, 1e4), &[200.0]);
+    "flicker": amplitude("depth", (0.0, 0.2), &[0.01]), shape("frequency_hz", (1.0, 1e4), &[80.0, 400.0, 2000.0]);
     "gain_drift": amplitude("relative_change", (-0.3, 0.3), &[0.004, -0.004, 0.05, -0.05]), LENGTH;
     "image_lag": amplitude("fraction", (0.0, 0.1), &[0.01]), shape("time_constant", (2.0, 600.0), &[8.0, 40.0, 150.0]);
     "crosstalk": amplitude("share", (0.0, 0.12), &[0.004, 0.03]);

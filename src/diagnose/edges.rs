@@ -2,17 +2,15 @@
 
 use super::lines::Lines;
 use super::maps::slope;
-use super::scan::{Scan, dark_halves};
+use super::scan::{STEADY, Scan, dark_windows};
 use super::setup::Scene;
 use super::spread::Spread;
 use super::vector::{Vector, ln};
+use super::wave::{Stretch, stretches};
 use crate::calibrate::{Light, Scene as Pattern};
 
 /// Windows after an edge, in readouts.
 const WINDOWS: [(usize, usize); 4] = [(2, 20), (20, 60), (60, 120), (120, 300)];
-
-/// Readouts from an edge on, after which the light counts as steady.
-const STEADY: usize = 300;
 
 pub(super) fn steps(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
     let Some(half) = scene.half_period() else { return };
@@ -28,21 +26,20 @@ pub(super) fn steps(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
         "60 to 120 after a fall",
         "120 to 300 after a fall",
     ];
-    // The set begins bright, so the first bright half period follows no rise.
-    for (names, first) in [(UP, 2), (DOWN, 1)] {
-        let mean = |from: usize, to: usize| {
+    let stretches = stretches(&scan.totals, half);
+    for (names, bright) in [(UP, true), (DOWN, false)] {
+        let mean = |window: &dyn Fn(&Stretch) -> (usize, usize)| {
             let (mut sum, mut count) = (0.0, 0.0);
-            let mut start = first * half;
-            while start + half <= scan.totals.len() {
-                sum += scan.totals[start + from..start + to].iter().map(|c| f64::from(*c)).sum::<f64>();
+            for (from, to) in stretches.iter().filter(|s| s.bright == bright).map(window) {
+                sum += scan.totals[from..to].iter().map(|c| f64::from(*c)).sum::<f64>();
                 count += (to - from) as f64;
-                start += 2 * half;
             }
             sum / f64::max(count, 1.0)
         };
-        let steady = mean(STEADY, half);
+        let steady = mean(&|s| (s.from + STEADY, s.to));
         for (name, (from, to)) in names.into_iter().zip(WINDOWS) {
-            v.push(k, name, 10.0 * (ln(mean(from, to)) - ln(steady)), 1e-3);
+            let now = mean(&|s| (s.from + from, s.from + to));
+            v.push(k, name, 10.0 * (ln(now) - ln(steady)), 1e-3);
         }
     }
 }
@@ -51,7 +48,7 @@ pub(super) fn steps(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
 pub(super) fn after_falls(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene, lines: &Lines) {
     let Light::Scene(Pattern::Square { low, .. }) = scene.light else { return };
     let Some(half) = scene.half_period() else { return };
-    let readouts: usize = dark_halves(scan.totals.len(), half).map(|(from, to)| to - from).sum();
+    let readouts: usize = dark_windows(&scan.totals, half).iter().map(|(from, to)| to - from).sum();
     let excess = |p: usize| {
         let expected = lines.expected(p, low) * readouts as f64;
         if expected > 0.0 { f64::from(scan.pixels[p].after_falls) / expected - 1.0 } else { f64::NAN }

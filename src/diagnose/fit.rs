@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::candidates::Candidate;
 use super::metric::{Bound, Metric, Noise};
 use super::model::{Model, Scale};
+use super::quiet::quiet;
 use super::reference::{Reference, average};
 use crate::error::Result;
 
@@ -20,6 +21,8 @@ pub(super) struct Fit {
     pub each: Vec<DVector<f64>>,
     /// Changes per unit of the effects' knobs.
     pub jacobian: DMatrix<f64>,
+    /// Changes per standard deviation of the numbers of events.
+    pub events: DMatrix<f64>,
     /// Squared distance to the data by the first null's noise, calibration projected out.
     pub misfit: f64,
     /// What the model's own simulations stray, where that is more than the null's.
@@ -67,6 +70,7 @@ impl Fit {
             mean: reference.mean.clone(),
             each: reference.baseline.clone(),
             jacobian: DMatrix::zeros(data.len(), 0),
+            events: DMatrix::zeros(data.len(), 0),
             misfit: reference.metric.square(&off),
             cost: reference.metric.square(&off),
             likelihood: Likelihood {
@@ -80,6 +84,11 @@ impl Fit {
     /// How unlikely data are that lie `off` from this model's mean: twice the negative logarithm, less a constant.
     pub fn deviance_of(&self, off: &DVector<f64>) -> f64 {
         self.likelihood.deviance(off)
+    }
+
+    /// Squared length of a difference in this model's noise.
+    pub fn length_of(&self, off: &DVector<f64>) -> f64 {
+        self.likelihood.metric.square(off)
     }
 
     /// The cost with a price for every number that was fitted.
@@ -179,36 +188,59 @@ impl Reference {
         let means = self.mean_of(&fit.model, &fit.u, count)?;
         let off = data - &means.mean;
         fit.misfit = self.metric.square(&off);
-        fit.likelihood = self.own_noise(&means.each)?;
-        fit.cost = fit.likelihood.deviance(&off);
         fit.mean = means.mean;
         fit.each = means.each;
+        fit.events = self.event_columns(fit)?;
+        fit.likelihood = self.likelihood(fit)?;
+        fit.cost = fit.likelihood.deviance(&off);
         Ok(())
     }
 
-    fn own_noise(&self, each: &[DVector<f64>]) -> Result<Likelihood> {
+    fn likelihood(&self, fit: &Fit) -> Result<Likelihood> {
         let plain = Likelihood { metric: self.metric.clone(), noise: self.noise.clone(), spread: 0.0 };
-        if each.len() < 2 {
+        if fit.each.len() < 2 {
             return Ok(plain);
         }
-        let factors = self.factors(each, &average(each), each.len() as f64 - 1.0);
-        if factors.iter().all(|f| *f == 1.0) {
+        let Some(noise) = self.own_noise(fit, &fit.each, &average(&fit.each), fit.each.len() as f64 - 1.0)?
+        else {
             return Ok(plain);
-        }
-        let noise = self.noise.scaled(&factors)?;
+        };
         let spread = noise.log_determinant() - self.noise.log_determinant();
         Ok(Likelihood { metric: Metric::new(&noise, self.jacobian.clone()), noise, spread })
     }
 
+    /// The noise of simulations of a fitted model about `mean`; `None` where it is the null's.
+    pub(super) fn own_noise(
+        &self,
+        fit: &Fit,
+        each: &[DVector<f64>],
+        mean: &DVector<f64>,
+        freedom: f64,
+    ) -> Result<Option<Noise>> {
+        let off: Vec<DVector<f64>> =
+            each.iter().map(|s| self.without_events(s - mean, &fit.events)).collect();
+        let factors = self.factors(&off, freedom);
+        if factors.iter().all(|f| *f == 1.0) && fit.events.is_empty() {
+            return Ok(None);
+        }
+        self.noise.scaled(&factors)?.with_columns(&fit.events).map(Some)
+    }
+
     /// By how much every statistic's deviation exceeds the null's, one where it hardly does.
-    pub(super) fn factors(&self, each: &[DVector<f64>], mean: &DVector<f64>, freedom: f64) -> Vec<f64> {
+    fn factors(&self, off: &[DVector<f64>], freedom: f64) -> Vec<f64> {
         let factor = |j: usize| {
-            let own = each.iter().map(|s| (s[j] - mean[j]).powi(2)).sum::<f64>();
+            let own = off.iter().map(|s| s[j].powi(2)).sum::<f64>();
             let null = self.noise.covariance[(j, j)];
             let ratio = (own + PRIOR * null) / (freedom + PRIOR) / null;
             if ratio > WIDER { ratio.sqrt() } else { 1.0 }
         };
-        (0..mean.len()).map(factor).collect()
+        (0..self.spread.len()).map(factor).collect()
+    }
+
+    /// The deviation of every statistic from one simulation of the fit's model to another.
+    fn spread_of(&self, fit: &Fit) -> Vec<f64> {
+        let (own, null) = (&fit.likelihood.noise.covariance, &self.noise.covariance);
+        (0..self.spread.len()).map(|j| self.spread[j] * (own[(j, j)] / null[(j, j)]).sqrt()).collect()
     }
 
     /// Derivatives by the effects' knobs, with the draws of the fit's own simulations.
@@ -228,7 +260,7 @@ impl Reference {
             }
             let moved = self.mean_of(&fit.model, &u, count.min(fit.each.len()))?;
             let change: Vec<_> = moved.each.iter().zip(&fit.each).map(|(a, b)| a - b).collect();
-            Ok(average(&change) / (u[j] - fit.u[j]))
+            Ok(quiet(average(&change), &self.spread_of(fit), change.len()) / (u[j] - fit.u[j]))
         };
         let columns = (base..fit.u.len()).into_par_iter().map(column).collect::<Result<Vec<_>>>()?;
         fit.jacobian = if columns.is_empty() {
@@ -248,13 +280,21 @@ impl Reference {
         count: usize,
     ) -> Result<Fit> {
         self.evaluate(&mut fit, data, count)?;
+        self.improve(fit, data, rounds, count)
+    }
+
+    /// [`Self::refine`] of a fit that has been evaluated with `count` simulations.
+    pub(super) fn improve(
+        &self,
+        mut fit: Fit,
+        data: &DVector<f64>,
+        rounds: usize,
+        count: usize,
+    ) -> Result<Fit> {
         for round in 0..rounds {
             // Common draws: a difference needs fewer simulations than a mean.
             self.derive(&mut fit, count.div_ceil(2))?;
-            let next = self.line_search(&fit, data, count)?;
-            let Some(next) = next else {
-                break;
-            };
+            let Some(next) = self.line_search(&fit, data, count)? else { break };
             let gained = fit.cost - next.cost;
             let jacobian = std::mem::replace(&mut fit, next).jacobian;
             fit.jacobian = jacobian;

@@ -11,6 +11,7 @@
 mod bits;
 mod candidates;
 mod edges;
+mod events;
 mod fit;
 mod lines;
 mod maps;
@@ -21,6 +22,7 @@ mod outcome;
 mod own;
 mod page;
 mod picture;
+mod quiet;
 mod rebase;
 mod reference;
 mod run;
@@ -32,6 +34,7 @@ mod spread;
 mod still;
 mod time;
 mod vector;
+mod wave;
 
 pub use nameable::{Nameable, SCORE};
 pub use outcome::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};

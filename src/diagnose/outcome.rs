@@ -17,6 +17,10 @@ const INTERVAL: f64 = 2.04;
 /// leaves a few per cent at most, and a name that stands in for something else leaves a fifth.
 const WHOLE: f64 = 0.95;
 
+/// Misfit left, over what sensors of the final model have, from which on that model is a stranger to the data: three deviations of how many
+/// events a recording holds, which is what its own sensors differ by.
+const STRANGE: f64 = 10.0;
+
 /// Relative deviation below which a known number is not worth a word.
 const WORTH: f64 = 0.02;
 
@@ -160,7 +164,9 @@ pub(super) fn outcome(
         let (knob, u, sd) = (found.fit.model.knobs[j], found.fit.u[j], found.own.deviations[j]);
         parameter(knob, u, INTERVAL * sd)
     };
-    let total = found.train[0] - found.own.floor;
+    let left = reference.allowing(&found.fit.events)?.square(&(data - &found.fit.mean));
+    let whole = (found.train[0] - left) / (found.train[0] - found.own.allowed_floor).max(1.0);
+    let strange = found.train.last().is_some_and(|last| *last > STRANGE * found.own.floor);
     let (mut effects, mut misfits) = (Vec::new(), Vec::new());
     for (i, (name, _)) in found.fit.effects.iter().enumerate() {
         let round = found.rounds.iter().find(|r| r.accepted && r.winner == *name);
@@ -186,8 +192,7 @@ pub(super) fn outcome(
             found.heldout.get(i).copied().unwrap_or(0.0),
             found.heldout.get(i + 1).copied().unwrap_or(0.0),
         );
-        let whole = (found.train[0] - found.train.last().copied().unwrap_or(0.0)) / total.max(1.0);
-        let resembles = found.left && (share < 0.5 || whole < WHOLE);
+        let resembles = found.left && (share < 0.5 || whole < WHOLE || strange);
         effects.push(FoundEffect { name, parameters, tied_with, resembles, evidence });
     }
     if let Some(given) = given {

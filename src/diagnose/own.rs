@@ -22,6 +22,8 @@ pub(super) struct Own {
     /// Limit and median of the total misfit in the first round's metric.
     pub floor: f64,
     pub floor_sd: f64,
+    /// Median of the misfit with any number of events allowed.
+    pub allowed_floor: f64,
     pub misfit_limit: f64,
     pub deviation_limit: f64,
     pub mean: DVector<f64>,
@@ -50,6 +52,7 @@ impl Reference {
             metric: self.metric.clone(),
             floor,
             floor_sd,
+            allowed_floor: floor,
             misfit_limit: self.limits.misfit,
             deviation_limit: self.limits.deviation,
             mean: self.mean.clone(),
@@ -60,11 +63,12 @@ impl Reference {
     /// The fitted model judged by itself: its numbers redrawn from their posterior.
     pub(super) fn own(&self, fit: &mut Fit, data: &DVector<f64>) -> Result<Own> {
         self.evaluate(fit, data, MEAN)?;
-        self.derive(fit, SOME / 2)?;
+        self.derive(fit, SOME)?;
         let redrawn = self.redrawn(fit)?;
         let mean = fit.mean.clone();
         let each: Vec<DVector<f64>> = redrawn.iter().map(|r| r.vector.clone()).collect();
-        let noise = self.noise.scaled(&self.factors(&each, &mean, each.len() as f64))?;
+        let noise =
+            self.own_noise(fit, &each, &mean, each.len() as f64)?.unwrap_or_else(|| self.noise.clone());
         let metric = Metric::new(&noise, fit.directions(self));
         let squares: Vec<f64> = each.iter().map(|s| metric.square(&(s - &mean))).collect();
         let largest =
@@ -72,9 +76,12 @@ impl Reference {
         let highest = each.iter().map(largest).fold(0.0, f64::max);
         let lengths: Vec<f64> = each.iter().map(|s| self.metric.square(&(s - &mean))).collect();
         let (floor, floor_sd) = centre(&lengths);
+        let allowing = self.allowing(&fit.events)?;
+        let allowed: Vec<f64> = each.iter().map(|s| allowing.square(&(s - &mean))).collect();
         Ok(Own {
             floor,
             floor_sd,
+            allowed_floor: centre(&allowed).0,
             // The mean itself is known to a part of the noise only.
             misfit_limit: (1.1 * gamma_limit(&squares)).max(self.limits.misfit),
             deviation_limit: (1.15 * highest).max(self.limits.deviation),

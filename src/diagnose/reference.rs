@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::candidates::{Candidate, OF_THE_SCENE, candidates};
 use super::metric::{Metric, Noise, noise};
 use super::model::{LAMP, Model};
+use super::quiet::quiet;
 use super::setup::Setup;
 use super::vector::Statistic;
 use crate::draws::pattern::Pattern;
@@ -21,7 +22,7 @@ const FIXED: usize = 80;
 const REDRAWN: usize = 120;
 
 /// Simulations for a derivative.
-const DERIVATIVE: usize = 8;
+const DERIVATIVE: usize = 16;
 
 /// Simulations of the half that judges, where one set is cut in two.
 const HALVES: usize = 24;
@@ -69,6 +70,8 @@ pub struct Reference {
     /// Vectors of the first [`FIXED`] seeds.
     pub(super) baseline: Vec<DVector<f64>>,
     pub(super) mean: DVector<f64>,
+    /// The deviation of every statistic from one of these to another, without floors and lamps.
+    pub(super) spread: Vec<f64>,
     /// Changes per unit of the base knobs.
     pub(super) jacobian: DMatrix<f64>,
     /// Noise, lamps included.
@@ -99,7 +102,9 @@ impl Reference {
         let baseline: Vec<DVector<f64>> = (0..FIXED).into_par_iter().map(vector).collect::<Result<_>>()?;
         let mean = average(&baseline);
         progress("null", 0.3);
-        let jacobian = base_jacobian(&setup, &model, seed, &baseline)?;
+        let square = |j: usize| baseline.iter().map(|b| (b[j] - mean[j]).powi(2)).sum::<f64>();
+        let spread: Vec<f64> = (0..mean.len()).map(|j| (square(j) / (FIXED - 1) as f64).sqrt()).collect();
+        let jacobian = base_jacobian(&setup, &model, seed, &baseline, &spread)?;
         let lamps = lamp_columns(&setup, &model, seed, statistics.len())?;
         progress("null", 0.5);
         let floors: Vec<f64> = statistics.iter().map(|s| s.floor).collect();
@@ -127,6 +132,7 @@ impl Reference {
             seed,
             baseline,
             mean,
+            spread,
             jacobian,
             noise: full,
             metric,
@@ -239,7 +245,13 @@ pub(super) fn average(vectors: &[DVector<f64>]) -> DVector<f64> {
 /// Steps for derivatives of base knobs, relative to their values.
 const STEP: f64 = 0.05;
 
-fn base_jacobian(setup: &Setup, model: &Model, seed: u64, baseline: &[DVector<f64>]) -> Result<DMatrix<f64>> {
+fn base_jacobian(
+    setup: &Setup,
+    model: &Model,
+    seed: u64,
+    baseline: &[DVector<f64>],
+    spread: &[f64],
+) -> Result<DMatrix<f64>> {
     let n = model.knobs.len();
     let one = |j: usize| -> Result<DVector<f64>> {
         let mut u = vec![0.0; n];
@@ -247,9 +259,10 @@ fn base_jacobian(setup: &Setup, model: &Model, seed: u64, baseline: &[DVector<f6
         u[j] = if model.knobs[j].key == "mean" { 0.2 * STEP } else { STEP };
         let sample = model.sample(&u, &[], setup.scenes.len())?;
         let change = |i: usize| -> Result<DVector<f64>> {
-            Ok((DVector::from_vec(setup.values(&sample, seed + i as u64)?) - &baseline[i]) / u[j])
+            Ok(DVector::from_vec(setup.values(&sample, seed + i as u64)?) - &baseline[i])
         };
-        Ok(average(&(0..DERIVATIVE).into_par_iter().map(change).collect::<Result<Vec<_>>>()?))
+        let all = (0..DERIVATIVE).into_par_iter().map(change).collect::<Result<Vec<_>>>()?;
+        Ok(quiet(average(&all), spread, DERIVATIVE) / u[j])
     };
     let columns = (0..n).into_par_iter().map(one).collect::<Result<Vec<_>>>()?;
     Ok(DMatrix::from_columns(&columns))

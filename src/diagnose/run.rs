@@ -13,7 +13,7 @@ use super::reference::{Progress, Reference, Signature};
 use super::search::{Judge, search};
 use super::setup::{Extent, Measured, Part, Setup};
 use super::spread::Spread;
-use super::time::{line, power};
+use super::time::{line, power, sharpened};
 use crate::calibrate::{self, Calibration, Light, RecordingSet, Scene as Pattern};
 use crate::effects::{Camera, find};
 use crate::error::{Error, Kind, Result};
@@ -202,22 +202,31 @@ fn usual_dark(c: &Calibration) -> (f64, f64) {
 fn with_line(reference: &Reference, setup: &Setup, measured: &Measured) -> Result<Vec<Signature>> {
     let mut signatures = reference.signatures.clone();
     let mut best = (0.0, LINE);
+    let mut bright: Vec<&[u32]> = Vec::new();
     for (scene, scan) in setup.scenes.iter().zip(&measured.scans) {
         if scene.constant() && scene.brightness() >= 0.2 {
             let found = line(&power(&scan.totals), scan.totals.len());
             best = if found.1 > best.1 { found } else { best };
+            bright.push(&scan.totals);
         }
     }
     if best.0 == 0.0 {
         return Ok(signatures);
     }
+    let frequency = sharpened(&bright, best.0);
+    // One at the line stands for those at the frequencies that a strength is judged by.
+    let mut flickers = 0;
+    signatures.retain(|s| {
+        flickers += usize::from(s.candidate.name == "flicker");
+        s.candidate.name != "flicker" || flickers == 1
+    });
     for signature in signatures.iter_mut().filter(|s| s.candidate.name == "flicker") {
         let mut candidate: Candidate = signature.candidate.clone();
         for (knob, at) in candidate.knobs.iter_mut().zip(&mut candidate.at) {
             if knob.key == "frequency_hz" {
-                knob.centre = best.0 * setup.readout_hz;
-                // The line's own width; a wider search would only find other lines.
-                let bin = 1.0 / (best.0 * setup.scenes[0].readouts as f64);
+                knob.centre = frequency * setup.readout_hz;
+                // A third of the line's width: what the sharpened line leaves open.
+                let bin = 0.3 / (frequency * setup.scenes[0].readouts as f64);
                 knob.range = (knob.centre * (1.0 - bin), knob.centre * (1.0 + bin));
                 *at = 0.0;
             }

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::bits::{PixelBits, coincidences, count_between, count_blocks, word_at};
+use super::wave::stretches;
 use crate::spikes::{Geometry, Packed, count};
 
 /// Blocks of time whose counts are compared.
@@ -21,9 +22,12 @@ pub(super) struct Look {
     pub dim: bool,
     /// The halves of rows together.
     pub rows: bool,
-    /// The dark half periods of a square wave of this half period, in readouts.
+    /// The dark stretches of a square wave of this half period, in readouts.
     pub half_period: Option<usize>,
 }
+
+/// Readouts from an edge on, after which the response counts as steady.
+pub(super) const STEADY: usize = 300;
 
 /// Readouts after a fall that the first interval in the new light may take.
 pub(super) const SETTLED: usize = 20;
@@ -68,6 +72,8 @@ pub(super) struct Scan {
 /// Scans packed frames for what `look` asks.
 pub(super) fn scan(frames: Packed<'_>, look: Look) -> Scan {
     let dim = look.dim;
+    let totals: Vec<u32> = frames.frames().map(|f| count(f) as u32).collect();
+    let dark = look.half_period.map_or_else(Vec::new, |half| dark_windows(&totals, half));
     let bits = PixelBits::new(frames);
     let geometry = bits.geometry;
     let n = geometry.pixels();
@@ -78,7 +84,7 @@ pub(super) fn scan(frames: Packed<'_>, look: Look) -> Scan {
         .map(|band| {
             let mut deviations = vec![[0.0; 2]; if dim { bits.readouts } else { 0 }];
             let mut times = Vec::new();
-            let of_pixel = |p| pixel(&bits, p, look, &mut times, &mut deviations);
+            let of_pixel = |p| pixel(&bits, p, dim, &dark, &mut times, &mut deviations);
             let pixels = (band * rows..((band + 1) * rows).min(n)).map(of_pixel).collect();
             (pixels, deviations)
         })
@@ -89,7 +95,6 @@ pub(super) fn scan(frames: Packed<'_>, look: Look) -> Scan {
         pixels.extend(part);
         deviations.iter_mut().zip(more).for_each(|(a, b)| *a = [a[0] + b[0], a[1] + b[1]]);
     }
-    let totals: Vec<u32> = frames.frames().map(|f| count(f) as u32).collect();
     Scan {
         geometry,
         changes: changes(frames),
@@ -105,7 +110,8 @@ pub(super) fn scan(frames: Packed<'_>, look: Look) -> Scan {
 fn pixel(
     bits: &PixelBits,
     p: usize,
-    look: Look,
+    dim: bool,
+    dark: &[(usize, usize)],
     times: &mut Vec<u32>,
     deviations: &mut [[f64; 2]],
 ) -> PixelScan {
@@ -113,9 +119,7 @@ fn pixel(
     let mut scan = PixelScan::default();
     scan.blocks = count_blocks(words, std::array::from_fn(|b| (b + 1) * bits.readouts / BLOCKS));
     scan.count = scan.blocks.iter().sum();
-    if let Some(half) = look.half_period {
-        scan.after_falls = dark_halves(bits.readouts, half).map(|(a, b)| count_between(words, a, b)).sum();
-    }
+    scan.after_falls = dark.iter().map(|(from, to)| count_between(words, *from, *to)).sum();
     let Some(first) = words.iter().position(|w| *w != 0) else { return scan };
     let last = words.iter().rposition(|w| *w != 0).unwrap_or(first);
     let start = first * 64 + words[first].trailing_zeros() as usize;
@@ -129,7 +133,7 @@ fn pixel(
         return scan;
     }
     let mean = scan.rate.recip();
-    if look.dim {
+    if dim {
         times.clear();
         for (w, word) in words.iter().enumerate() {
             let mut rest = *word;
@@ -145,9 +149,10 @@ fn pixel(
     scan
 }
 
-/// The settled part of each whole dark half period; the wave begins bright.
-pub(super) fn dark_halves(readouts: usize, half: usize) -> impl Iterator<Item = (usize, usize)> {
-    (half..).step_by(2 * half).map(move |at| (at + SETTLED, at + half)).take_while(move |w| w.1 <= readouts)
+/// The settled part of each dark stretch of a square wave.
+pub(super) fn dark_windows(totals: &[u32], half: usize) -> Vec<(usize, usize)> {
+    let dark = stretches(totals, half).into_iter().filter(|s| !s.bright);
+    dark.map(|s| (s.from + SETTLED, s.to)).collect()
 }
 
 /// Every interval of a dim pixel.

@@ -24,8 +24,15 @@ const FURTHEST: f64 = 8.0;
 const TOURNAMENT: usize = 5;
 const FINAL: usize = 3;
 
+/// Gauss-Newton rounds of its first leg: an effect with three numbers needs as many to come near.
+const ROUNDS_OF_ENTRANTS: usize = 4;
+
 /// Share of the best promise from which on a candidate is tried.
 const PROMISING: f64 = 0.45;
+
+/// What the best candidate must promise: four and a half deviations. That something is there is known by then, and the
+/// held-out set judges what it is.
+const ENTERING: f64 = 20.0;
 
 /// Simulations of a mean: in the tournament, and in its second leg.
 const FEW: usize = 2;
@@ -126,10 +133,9 @@ pub(super) fn search(
         progress(round.winner, (fit.effects.len() + turned_down.len()) as f64 / ROUNDS as f64);
         let after = judge.off(reference, &next)?;
         let (b, a) = (fit.deviance_of(&off), next.deviance_of(&after));
-        let accepted = b - a
-            > BETTER
-                + 0.02 * b.clamp(0.0, 1e4) / (1.0 + fit.effects.len() as f64)
-                + REMAINDER * (heldout[0] - own.floor).max(0.0);
+        let whole = fit.length_of(&(judge.data - &reference.mean));
+        let accepted =
+            b - a > BETTER + 0.02 * b.clamp(0.0, 1e4) / (1.0 + fit.effects.len() as f64) + REMAINDER * whole;
         if !accepted {
             turned_down.push(round.winner);
         }
@@ -179,17 +185,21 @@ impl Reference {
         signatures: &[&Signature],
         data: &DVector<f64>,
     ) -> Result<Option<(Fit, Round)>> {
-        let entrants = self.entrants(fit, &own.metric, &(data - &fit.mean), signatures);
-        if entrants.is_empty() {
+        let starts = self.starts(fit, &own.metric, signatures, data)?;
+        if starts.is_empty() {
             return Ok(None);
         }
-        let enter = |(scale, s): &(f64, &Signature)| {
-            self.refine(self.start(&fit.with(&s.candidate, *scale), data)?, data, 2, FEW)
+        let enter = |(_, from): &(&str, Vec<Fit>)| {
+            let evaluated = |mut fit: Fit| self.evaluate(&mut fit, data, FEW).map(|()| fit);
+            let from = from.iter().cloned().map(evaluated).collect::<Result<Vec<_>>>()?;
+            let best = from.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+            best.map(|best| self.improve(best, data, ROUNDS_OF_ENTRANTS, FEW)).transpose()
         };
-        let mut fits = entrants.par_iter().map(enter).collect::<Result<Vec<_>>>()?;
+        let fits = starts.par_iter().map(enter).collect::<Result<Vec<_>>>()?;
+        let mut fits: Vec<Fit> = fits.into_iter().flatten().collect();
         fits.sort_by(|a, b| a.price().total_cmp(&b.price()));
         // Near the front, once more and with less noise.
-        let front = fits[0].price() + 0.07 * (fit.price() - fits[0].price()).max(0.0) + 40.0;
+        let front = fits[0].price() + 0.15 * (fit.price() - fits[0].price()).max(0.0) + 40.0;
         let near = fits.iter().take(FINAL).take_while(|f| f.price() < front).count();
         let far = fits.split_off(near);
         let again = fits.into_par_iter().map(|f| self.refine(f, data, 3, SOME));
@@ -204,21 +214,42 @@ impl Reference {
             let tied = f.price() - best.price() < 4.0 + 2.0 * apart.min(12.0);
             Entrant { name: name(f), misfit: f.misfit, tied, apart, mean: f.mean.clone() }
         };
-        let excess = fit.misfit - own.floor;
-        let share = ((fit.misfit - best.misfit) / excess.max(1.0)).clamp(0.0, 1.0);
+        let before = self.allowing(&fit.events)?.square(&(data - &fit.mean));
+        let after = self.allowing(&best.events)?.square(&(data - &best.mean));
+        let share = ((before - after) / (before - own.allowed_floor).max(1.0)).clamp(0.0, 1.0);
         let entrants = std::iter::once(&best).chain(&fits).map(entrant).collect();
         let round = Round { winner: name(&best), entrants, accepted: false, share, mean: best.mean.clone() };
         Ok(Some((best, round)))
     }
 
-    /// The better of two places to begin: the base model's numbers as fitted before, or as calibrated.
-    fn start(&self, fit: &Fit, data: &DVector<f64>) -> Result<Fit> {
-        let (mut moved, mut calibrated) = (fit.clone(), fit.with_calibrated_base());
-        if fit.effects.len() > 1 {
-            self.evaluate(&mut moved, data, FEW)?;
-            self.evaluate(&mut calibrated, data, FEW)?;
+    /// The candidates that promise most, each with one or two places to begin: the base model's numbers as fitted before, or
+    /// as calibrated. They may have moved to take in what a candidate explains, which then promises little from there.
+    fn starts(
+        &self,
+        fit: &Fit,
+        metric: &Metric,
+        signatures: &[&Signature],
+        data: &DVector<f64>,
+    ) -> Result<Vec<(&'static str, Vec<Fit>)>> {
+        let of = |fit: &Fit| -> Vec<(&'static str, Fit)> {
+            let entrants = self.entrants(fit, metric, &(data - &fit.mean), signatures);
+            entrants.into_iter().map(|(scale, s)| (s.candidate.name, fit.with(&s.candidate, scale))).collect()
+        };
+        let mut starts: Vec<(&'static str, Vec<Fit>)> =
+            of(fit).into_iter().map(|(name, fit)| (name, vec![fit])).collect();
+        if fit.effects.is_empty() {
+            return Ok(starts);
         }
-        Ok(if calibrated.cost < moved.cost { calibrated } else { moved })
+        let mut calibrated = fit.with_calibrated_base();
+        self.evaluate(&mut calibrated, data, FEW)?;
+        for (place, (name, fit)) in of(&calibrated).into_iter().enumerate() {
+            match starts.iter_mut().find(|s| s.0 == name) {
+                Some(start) => start.1.push(fit),
+                None if place < 2 => starts.push((name, vec![fit])),
+                None => {}
+            }
+        }
+        Ok(starts)
     }
 
     /// The candidates that promise most, each name once with its best shape and scale.
@@ -237,7 +268,7 @@ impl Reference {
         ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
         let best = ranked.first().map_or(0.0, |r| r.0);
         let mut entrants: Vec<(f64, &Signature)> = Vec::new();
-        if best < self.limits.score.powi(2) {
+        if best < ENTERING {
             return entrants;
         }
         for (gain, scale, signature) in ranked {

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::scan::{Look, Scan, scan};
+use super::scan::{Look, STEADY, Scan, scan};
 use super::still::{self, Still};
 use super::vector::{Statistic, Vector, vector};
 use crate::calibrate::{Light, Recording, RecordingSet, Scene as Pattern};
@@ -21,7 +21,7 @@ const DIM: f64 = 0.25;
 const ENOUGH: (usize, usize) = (50_000_000, 2500);
 
 /// Shortest half period after whose edges a response can be seen, in readouts.
-const SHORTEST: usize = 340;
+const SHORTEST: usize = STEADY + 40;
 
 /// Fewest readouts of a recording that can be judged.
 const FEWEST: usize = 256;
@@ -291,7 +291,7 @@ impl Setup {
     pub(super) fn bits(&self, sample: &Sample, k: usize, seed: u64) -> Result<Vec<u8>> {
         let scene = &self.scenes[k];
         let lamp = sample.lamps[k];
-        let (camera, seeds) = (self.sized(&sample.camera), seeds(seed, k));
+        let (camera, seeds) = (in_any_phase(self.sized(&sample.camera), seed, k)?, seeds(seed, k));
         let plan = Plan::with_light(&camera, seeds, (scene.greatest() * lamp).max(0.01))?;
         let mut simulator = Simulator::of_plan(plan);
         let (bytes, width) = (self.geometry.frame_bytes(), self.geometry.width());
@@ -314,6 +314,16 @@ impl Setup {
         out.drain(..scene.skip * bytes);
         Ok(out)
     }
+}
+
+/// A recording begins anywhere in a flicker's swing: with one phase for all, slow flicker would have to move a
+/// square wave's response as it does at that phase.
+fn in_any_phase(camera: Camera, seed: u64, k: usize) -> Result<Camera> {
+    let Some(flicker) = camera.effect("flicker").filter(|e| !e.is_neutral()) else { return Ok(camera) };
+    // Fractions of the golden ratio's and of the plastic number's multiples spread evenly.
+    let phase = (0.618_034 * (seed % 1_000_003) as f64 + 0.754_878 * k as f64).fract();
+    let turned = flicker.clone().with("phase", phase)?;
+    Ok(camera.with(turned))
 }
 
 fn seeds(seed: u64, k: usize) -> Seeds {

@@ -38,7 +38,8 @@ pub(super) fn frames(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
         "neighbours beside, next readout",
         "neighbours below, next readout",
     ];
-    for (name, value) in NAMES.into_iter().zip(scan.neighbours) {
+    // In a wave neighbours fire together because the light does, by how much of it is bright.
+    for (name, value) in NAMES.into_iter().zip(scan.neighbours).filter(|_| scene.constant()) {
         v.push(k, name, value, 5e-5);
     }
     let mean_changes =
@@ -89,6 +90,34 @@ pub(super) fn power(totals: &[u32]) -> Vec<f64> {
     output.iter().map(|c| c.norm_sqr() / (n as f64 * mean.max(1e-9))).collect()
 }
 
+/// The frequency near `place` at which all of `totals` together have most power, in cycles per readout: between two frequencies of a
+/// spectrum it is known to a few hundredths of their distance, for a line that is plain at all.
+pub(super) fn sharpened(totals: &[&[u32]], place: f64) -> f64 {
+    let longest = totals.iter().map(|t| t.len()).max().unwrap_or(1) as f64;
+    let at = |i: i32| place + f64::from(i) / (STEPS_OF_A_BIN * longest);
+    let power = |frequency: f64| totals.iter().map(|t| power_at(t, frequency)).sum::<f64>();
+    let reach = STEPS_OF_A_BIN as i32;
+    let all: Vec<f64> = (-reach - 1..=reach + 1).map(|i| power(at(i))).collect();
+    let best = (1..all.len() - 1).max_by(|a, b| all[*a].total_cmp(&all[*b])).unwrap_or(1);
+    let [a, b, c] = [all[best - 1], all[best], all[best + 1]];
+    let top = if 2.0 * b > a + c { 0.5 * (a - c) / (a - 2.0 * b + c) } else { 0.0 };
+    at(best as i32 - 1 - reach) + top.clamp(-0.5, 0.5) / (STEPS_OF_A_BIN * longest)
+}
+
+/// Frequencies that are tried between two of a spectrum.
+const STEPS_OF_A_BIN: f64 = 10.0;
+
+/// Power of the totals at any frequency, over their mean.
+fn power_at(totals: &[u32], frequency: f64) -> f64 {
+    let mean = totals.iter().map(|c| f64::from(*c)).sum::<f64>() / totals.len().max(1) as f64;
+    let (mut re, mut im) = (0.0, 0.0);
+    for (t, c) in totals.iter().enumerate() {
+        let (sin, cos) = (std::f64::consts::TAU * frequency * t as f64).sin_cos();
+        (re, im) = (re + (f64::from(*c) - mean) * cos, im + (f64::from(*c) - mean) * sin);
+    }
+    (re * re + im * im) / mean.max(1e-9)
+}
+
 fn spectrum(v: &mut Vector, k: usize, scan: &Scan, light: f64) {
     let power = power(&scan.totals);
     let t = scan.totals.len();
@@ -121,4 +150,25 @@ pub(super) fn line(power: &[f64], readouts: usize) -> (f64, f64) {
         }
     }
     best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_between_two_frequencies_of_the_spectrum_is_found() {
+        // 103.5 Hz of 20,000 readouts per second, where the spectrum has 100 and 105.
+        let total = |phase: f64| {
+            move |t: u32| {
+                let noise = f64::from(t.wrapping_mul(2_654_435_761) >> 28) - 7.5;
+                (900.0 + 8.0 * (std::f64::consts::TAU * (103.5 * f64::from(t) / 2e4 + phase)).sin() + noise)
+                    as u32
+            }
+        };
+        let both: Vec<Vec<u32>> = [0.2, 0.7].map(|p| (0..4000).map(total(p)).collect()).into();
+        let all: Vec<&[u32]> = both.iter().map(Vec::as_slice).collect();
+        let found = 2e4 * sharpened(&all, 105.0 / 2e4);
+        assert!((found - 103.5).abs() < 0.25, "{found}");
+    }
 }

@@ -58,8 +58,9 @@ pub(super) fn vector(setup: &Setup, scans: &[Scan]) -> Vector {
         let scene = &setup.scenes[k];
         if scene.constant() {
             intervals(&mut v, k, scan, scene.dim());
+            // Parts of a wave hold more or less light by where its steps fall.
+            stability(&mut v, k, scan);
         }
-        stability(&mut v, k, scan, scene.constant());
         if scene.still.is_some() {
             v.push(k, "pixels side by side, spread of rates", ln(scan.contrast), 5e-3);
             // Totals and neighbours belong to the scene as well.
@@ -108,7 +109,7 @@ fn intervals(v: &mut Vector, k: usize, scan: &Scan, dim: bool) {
 }
 
 /// Blocks of time against each other.
-fn stability(v: &mut Vector, k: usize, scan: &Scan, constant: bool) {
+fn stability(v: &mut Vector, k: usize, scan: &Scan) {
     let n = scan.pixels.len() as f64;
     let half = |p: &super::scan::PixelScan, second: bool| -> f64 {
         let part = if second { &p.blocks[BLOCKS / 2..] } else { &p.blocks[..BLOCKS / 2] };
@@ -123,9 +124,6 @@ fn stability(v: &mut Vector, k: usize, scan: &Scan, constant: bool) {
     v.push(k, "change between halves, variance", square(&change), 1e-3);
     let wild = change.iter().filter(|d| d.abs() > 2.5).count() as f64;
     v.rare(k, "change between halves, tail", wild);
-    if !constant {
-        return;
-    }
     let mut sum = 0.0;
     for b in 1..BLOCKS {
         let mean = |b: usize| scan.pixels.iter().map(|p| f64::from(p.blocks[b])).sum::<f64>() / n;
