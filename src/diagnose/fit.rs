@@ -237,12 +237,6 @@ impl Reference {
         (0..self.spread.len()).map(factor).collect()
     }
 
-    /// The deviation of every statistic from one simulation of the fit's model to another.
-    fn spread_of(&self, fit: &Fit) -> Vec<f64> {
-        let (own, null) = (&fit.likelihood.noise.covariance, &self.noise.covariance);
-        (0..self.spread.len()).map(|j| self.spread[j] * (own[(j, j)] / null[(j, j)]).sqrt()).collect()
-    }
-
     /// Derivatives by the effects' knobs, with the draws of the fit's own simulations.
     pub(super) fn derive(&self, fit: &mut Fit, count: usize) -> Result<()> {
         let base = fit.base_knobs();
@@ -260,7 +254,7 @@ impl Reference {
             }
             let moved = self.mean_of(&fit.model, &u, count.min(fit.each.len()))?;
             let change: Vec<_> = moved.each.iter().zip(&fit.each).map(|(a, b)| a - b).collect();
-            Ok(quiet(average(&change), &self.spread_of(fit), change.len()) / (u[j] - fit.u[j]))
+            Ok(quiet(average(&change), &self.spread, change.len()) / (u[j] - fit.u[j]))
         };
         let columns = (base..fit.u.len()).into_par_iter().map(column).collect::<Result<Vec<_>>>()?;
         fit.jacobian = if columns.is_empty() {

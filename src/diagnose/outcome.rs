@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::candidates::MISFITS;
 use super::model::Knob;
+use super::own::MEAN;
 use super::reference::Reference;
 use super::search::{Found, Round};
 use super::settle::{settle, tied};
@@ -159,7 +160,11 @@ pub(super) fn outcome(
     for (bound, deviation) in bounds.iter_mut().zip(&found.own.deviations) {
         (bound.low, bound.high) = (bound.low.max(-2.0 * deviation), bound.high.min(2.0 * deviation));
     }
-    found.fit = found.fit.moved(&found.own.metric.bounded(&off, &bounds));
+    let mut last = found.fit.moved(&found.own.metric.bounded(&off, &bounds));
+    reference.evaluate(&mut last, data, MEAN)?;
+    if last.cost < found.fit.cost {
+        found.fit = last;
+    }
     let interval = |j: usize| {
         let (knob, u, sd) = (found.fit.model.knobs[j], found.fit.u[j], found.own.deviations[j]);
         parameter(knob, u, INTERVAL * sd)

@@ -14,7 +14,7 @@ use crate::error::Result;
 
 /// Simulations with redrawn numbers, and of the mean.
 const MANY: usize = 30;
-const MEAN: usize = 12;
+pub(super) const MEAN: usize = 12;
 
 /// What simulations of the fitted model itself look like.
 pub(super) struct Own {
