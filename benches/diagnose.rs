@@ -3,7 +3,7 @@
 //! `cargo bench --bench diagnose -- FOLDER [--nulls N] [--singles N] [--unknown N] [--doubles N] [--triples N]
 //! [--names A,B] [--only TEXT] [--minutes M] [--profile]` adds sensors to FOLDER, one JSON file each, and leaves those alone that
 //! this version of the code has judged; `--report FILE` writes the tables of what is there, `--profile` prints the seconds
-//! of every phase, `--only` takes sensors whose id holds TEXT, and `--large N` takes sets of 128x96 pixels and 10,000 readouts.
+//! of every phase, `--only` takes sensors whose id holds TEXT, and `--large` takes sets of 128x96 pixels and 10,000 readouts.
 
 #[path = "../tests/hidden_sensor/mod.rs"]
 mod hidden_sensor;

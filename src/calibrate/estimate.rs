@@ -152,16 +152,23 @@ impl<'a> Fitter<'a> {
         levels.filter_map(|(k, level)| self.point(p, k, level)).collect()
     }
 
-    /// Mean of a function of the pixel's threshold over its posterior, by Gauss and Hermite's three points, and by how much
-    /// the function moves with the threshold's standard deviation.
-    pub(super) fn over_threshold(&self, p: usize, of: impl Fn(f64) -> f64) -> (f64, f64) {
+    /// Means of functions of the pixel's threshold over its posterior, by Gauss and Hermite's three points, and by how much
+    /// each moves with the threshold's standard deviation.
+    pub(super) fn over_threshold<const N: usize>(
+        &self,
+        p: usize,
+        of: impl Fn(f64) -> [f64; N],
+    ) -> [(f64, f64); N] {
         let [mean, sd] = self.threshold[p];
         let step = (3.0_f64.sqrt() * sd).min(0.5 * mean);
+        let middle = of(mean);
         if step == 0.0 {
-            return (of(mean), 0.0);
+            return middle.map(|value| (value, 0.0));
         }
-        let (middle, low, high) = (of(mean), of(mean - step), of(mean + step));
-        ((4.0 * middle + low + high) / 6.0, (high - low) * sd / (2.0 * step))
+        let (low, high) = (of(mean - step), of(mean + step));
+        std::array::from_fn(|i| {
+            ((4.0 * middle[i] + low[i] + high[i]) / 6.0, (high[i] - low[i]) * sd / (2.0 * step))
+        })
     }
 
     /// The share of the charge that light brought to a pixel of rate `f`.
@@ -190,8 +197,8 @@ impl<'a> Fitter<'a> {
         let f = if by_time { without_end_bias(f, f64::from(n - 1)) } else { f };
         // The noise is a voltage, and nearly all spread of thresholds is one of voltages.
         let own = |phi: f64| self.noise.square.sqrt() / phi;
-        let added = |phi: f64| self.remembered[k] * bias(f, own(phi));
-        let (bias, by_threshold) = self.over_threshold(p, added);
+        let added = |phi: f64| [self.remembered[k] * bias(f, own(phi))];
+        let [(bias, by_threshold)] = self.over_threshold(p, added);
         let taken = if self.noise.redrawn == Redrawn::EveryReadout { bias } else { 0.0 };
         let kept = 1.0 - self.noise.lost * f;
         let x = (f - taken) / kept;

@@ -54,14 +54,15 @@ impl Fitter<'_> {
             }
             _ => self.assume_noise(&lit, nominal),
         }
-        self.remembered = self.observed.levels.par_iter().map(|level| self.draws(level)).collect();
+        self.remembered = self.observed.levels.par_iter().map(|level| self.remembered_draws(level)).collect();
     }
 
     /// What remembered phases make of the rate that low draws add, at a level's median rate. It is the mean over all periods, so
     /// it serves where the pixels' periods differ by half a readout and more; elsewhere the rate that is added is a ten-thousandth.
-    fn draws(&self, level: &Level) -> f64 {
-        let own = |p: &usize| (level.rate[*p] > 0.0 && self.fits[*p].d.is_finite()).then(|| level.rate[*p]);
-        let mut rates: Vec<f64> = (0..level.rate.len()).filter_map(|p| own(&p)).collect();
+    fn remembered_draws(&self, level: &Level) -> f64 {
+        let fitted =
+            level.rate.iter().zip(&self.fits).filter(|(rate, fit)| **rate > 0.0 && fit.d.is_finite());
+        let mut rates: Vec<f64> = fitted.map(|(rate, _)| *rate).collect();
         if self.noise.redrawn == Redrawn::EveryReset || rates.len() < 16 || self.noise.square <= 0.0 {
             return 1.0;
         }
@@ -73,8 +74,7 @@ impl Fitter<'_> {
         let x = self.increment(f, sigma);
         let mut dark: Vec<f64> = self.fits.iter().map(|fit| fit.d).filter(|d| d.is_finite()).collect();
         let lit = if level.light == 0.0 { 0.0 } else { (1.0 - median(&mut dark) / f).max(0.0) };
-        let ratio = draw_ratio(sigma / x, (lit * self.noise.light).sqrt() / x);
-        if (0.5..2.0).contains(&ratio) { ratio } else { 1.0 }
+        plausible(draw_ratio(sigma / x, (lit * self.noise.light).sqrt() / x))
     }
 
     fn set_noise(&mut self, square: f64, error: f64) {
@@ -148,23 +148,21 @@ impl Fitter<'_> {
         let squares = good.iter().map(|p| (weight(*p) * (map[*p] - raw)).powi(2)).sum::<f64>();
         let of_light = |p: &usize| weight(*p) * self.lit(*p, level, level.rate[*p]) * self.quantum(*p);
         let light = good.iter().map(of_light).sum::<f64>() / total;
-        let ratio = self.remembered(level, &good, square.sqrt(), light);
+        let ratio = self.remembered_growth(level, &good, square.sqrt(), light);
         let s = Estimate { value: mean / ratio, error: squares.sqrt() / total / ratio, samples: good.len() };
         Some(Growth { s, threshold: unit, light })
     }
 
     /// What remembered phases make of the growth of a level's variance, at the median rate of `good`: 0.1 % at 24
     /// readouts a spike, 0.4 % at 12 and 1 % at 8. It changes so little from pixel to pixel that one for all will do.
-    fn remembered(&self, level: &Level, good: &[usize], sigma: f64, light: f64) -> f64 {
+    fn remembered_growth(&self, level: &Level, good: &[usize], sigma: f64, light: f64) -> f64 {
         let lags = level.noise.as_ref().map_or(&[][..], |noise| &noise.lags);
         if self.noise.redrawn == Redrawn::EveryReset || lags.len() < 2 {
             return 1.0;
         }
         let mut rates: Vec<f64> = good.iter().map(|p| level.rate[*p]).collect();
         let x = self.increment(median(&mut rates), sigma);
-        let ratio = growth_ratio(sigma / x, (light * self.noise.light).max(0.0).sqrt() / x, lags);
-        // Noise too small for the integrals tells no phase either.
-        if (0.5..2.0).contains(&ratio) { ratio } else { 1.0 }
+        plausible(growth_ratio(sigma / x, (light * self.noise.light).max(0.0).sqrt() / x, lags))
     }
 
     /// Two means over the posterior of a pixel's threshold, by Gauss and Hermite's three points. First the square of the charge
@@ -177,6 +175,11 @@ impl Fitter<'_> {
             let x = self.increment(f, own);
             [(x / f).powi(2), self.share(x, own) / (phi * phi)]
         };
-        [0, 1].map(|i| self.over_threshold(p, |phi| at(phi)[i]).0)
+        self.over_threshold(p, at).map(|(mean, _)| mean)
     }
+}
+
+/// A ratio of remembered phases to even ones. Noise too small for the integrals tells no phase either.
+fn plausible(ratio: f64) -> f64 {
+    if (0.5..2.0).contains(&ratio) { ratio } else { 1.0 }
 }

@@ -6,14 +6,16 @@ use super::scan::{STEADY, Scan, dark_windows};
 use super::setup::Scene;
 use super::spread::Spread;
 use super::vector::{Vector, ln};
-use super::wave::{Stretch, stretches};
+use super::wave::Stretch;
 use crate::calibrate::{Light, Scene as Pattern};
 
 /// Windows after an edge, in readouts.
 const WINDOWS: [(usize, usize); 4] = [(2, 20), (20, 60), (60, 120), (120, 300)];
 
 pub(super) fn steps(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
-    let Some(half) = scene.half_period() else { return };
+    if scene.half_period().is_none() {
+        return;
+    }
     const UP: [&str; 4] = [
         "2 to 20 readouts after a rise",
         "20 to 60 after a rise",
@@ -26,11 +28,10 @@ pub(super) fn steps(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
         "60 to 120 after a fall",
         "120 to 300 after a fall",
     ];
-    let stretches = stretches(&scan.totals, half);
     for (names, bright) in [(UP, true), (DOWN, false)] {
         let mean = |window: &dyn Fn(&Stretch) -> (usize, usize)| {
             let (mut sum, mut count) = (0.0, 0.0);
-            for (from, to) in stretches.iter().filter(|s| s.bright == bright).map(window) {
+            for (from, to) in scan.stretches.iter().filter(|s| s.bright == bright).map(window) {
                 sum += scan.totals[from..to].iter().map(|c| f64::from(*c)).sum::<f64>();
                 count += (to - from) as f64;
             }
@@ -47,8 +48,10 @@ pub(super) fn steps(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
 /// Whether what is left after a fall follows a pixel's gain, as late light does, or its dark current.
 pub(super) fn after_falls(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene, lines: &Lines) {
     let Light::Scene(Pattern::Square { low, .. }) = scene.light else { return };
-    let Some(half) = scene.half_period() else { return };
-    let readouts: usize = dark_windows(&scan.totals, half).iter().map(|(from, to)| to - from).sum();
+    if scene.half_period().is_none() {
+        return;
+    }
+    let readouts: usize = dark_windows(&scan.stretches).map(|(from, to)| to - from).sum();
     let excess = |p: usize| {
         let expected = lines.expected(p, low) * readouts as f64;
         if expected > 0.0 { f64::from(scan.pixels[p].after_falls) / expected - 1.0 } else { f64::NAN }

@@ -12,7 +12,7 @@ use super::reference::{Reference, average};
 use crate::error::Result;
 
 /// Effects that happen to whole readouts, by a probability for each.
-const EVENTS: [&str; 2] = ["dropped_readouts", "repeated_readouts"];
+pub(super) const EVENTS: [&str; 2] = ["dropped_readouts", "repeated_readouts"];
 
 /// Pairs of simulations that tell what an event moves.
 const PAIRS: usize = 2;

@@ -1,5 +1,6 @@
 //! How strong an effect must be on a set before it can be named.
 
+use super::events::EVENTS;
 use super::model::Scale;
 use super::reference::{Reference, Signature};
 use crate::error::Result;
@@ -17,7 +18,7 @@ const LIKEST: f64 = 0.97;
 const ONSET_STEPS: usize = 6;
 
 /// Events that a set must be expected to hold: fewer than one set in a hundred then has none.
-const EVENTS: f64 = 5.0;
+const LEAST: f64 = 5.0;
 
 /// The smallest strength at which an effect can be told from calibration and from its nearest rival.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -84,8 +85,8 @@ impl Reference {
     fn fewest(&self, name: &str) -> f64 {
         let readouts: usize = self.setup.scenes.iter().map(|s| s.readouts).sum();
         match name {
-            "dropped_readouts" | "repeated_readouts" => EVENTS / readouts as f64,
-            "hot_pixels" | "dead_pixels" => EVENTS / self.setup.geometry.pixels() as f64,
+            _ if EVENTS.contains(&name) => LEAST / readouts as f64,
+            "hot_pixels" | "dead_pixels" => LEAST / self.setup.geometry.pixels() as f64,
             _ => 0.0,
         }
     }

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::bits::{PixelBits, coincidences, count_between, count_blocks, word_at};
-use super::wave::stretches;
+use super::wave::{Stretch, stretches};
 use crate::spikes::{Geometry, Packed, count};
 
 /// Blocks of time whose counts are compared.
@@ -65,6 +65,8 @@ pub(super) struct Scan {
     pub neighbours: [f64; 4],
     /// Sum of the deviations of intervals that end at a readout, in readouts, and their number.
     pub deviations: Vec<[f64; 2]>,
+    /// The stretches between the steps of a square wave.
+    pub stretches: Vec<Stretch>,
     /// Relative difference of pixels side by side; of still scenes only.
     pub contrast: f64,
 }
@@ -73,7 +75,8 @@ pub(super) struct Scan {
 pub(super) fn scan(frames: Packed<'_>, look: Look) -> Scan {
     let dim = look.dim;
     let totals: Vec<u32> = frames.frames().map(|f| count(f) as u32).collect();
-    let dark = look.half_period.map_or_else(Vec::new, |half| dark_windows(&totals, half));
+    let stretches = look.half_period.map_or_else(Vec::new, |half| stretches(&totals, half));
+    let dark: Vec<_> = dark_windows(&stretches).collect();
     let bits = PixelBits::new(frames);
     let geometry = bits.geometry;
     let n = geometry.pixels();
@@ -103,6 +106,7 @@ pub(super) fn scan(frames: Packed<'_>, look: Look) -> Scan {
         pixels,
         totals,
         deviations,
+        stretches,
         contrast: 0.0,
     }
 }
@@ -150,9 +154,8 @@ fn pixel(
 }
 
 /// The settled part of each dark stretch of a square wave.
-pub(super) fn dark_windows(totals: &[u32], half: usize) -> Vec<(usize, usize)> {
-    let dark = stretches(totals, half).into_iter().filter(|s| !s.bright);
-    dark.map(|s| (s.from + SETTLED, s.to)).collect()
+pub(super) fn dark_windows(stretches: &[Stretch]) -> impl Iterator<Item = (usize, usize)> {
+    stretches.iter().filter(|s| !s.bright).map(|s| (s.from + SETTLED, s.to))
 }
 
 /// Every interval of a dim pixel.
