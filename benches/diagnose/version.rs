@@ -1,10 +1,11 @@
 //! Which code judged a sensor: results of two versions must not share a table.
 
 /// What decides on a diagnosis, and what makes the sensors.
-const SOURCES: [&str; 24] = [
+const SOURCES: [&str; 28] = [
     include_str!("../../src/diagnose/bits.rs"),
     include_str!("../../src/diagnose/candidates.rs"),
     include_str!("../../src/diagnose/edges.rs"),
+    include_str!("../../src/diagnose/events.rs"),
     include_str!("../../src/diagnose/fit.rs"),
     include_str!("../../src/diagnose/lines.rs"),
     include_str!("../../src/diagnose/maps.rs"),
@@ -13,6 +14,7 @@ const SOURCES: [&str; 24] = [
     include_str!("../../src/diagnose/nameable.rs"),
     include_str!("../../src/diagnose/outcome.rs"),
     include_str!("../../src/diagnose/own.rs"),
+    include_str!("../../src/diagnose/quiet.rs"),
     include_str!("../../src/diagnose/reference.rs"),
     include_str!("../../src/diagnose/run.rs"),
     include_str!("../../src/diagnose/scan.rs"),
@@ -21,7 +23,9 @@ const SOURCES: [&str; 24] = [
     include_str!("../../src/diagnose/spread.rs"),
     include_str!("../../src/diagnose/still.rs"),
     include_str!("../../src/diagnose/time.rs"),
+    include_str!("../../src/diagnose/together.rs"),
     include_str!("../../src/diagnose/vector.rs"),
+    include_str!("../../src/diagnose/wave.rs"),
     include_str!("../../tests/hidden_sensor/kinds.rs"),
     include_str!("../../tests/hidden_sensor/mod.rs"),
     include_str!("../../tests/hidden_sensor/physics.rs"),

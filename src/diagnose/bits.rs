@@ -4,6 +4,7 @@
 
 use rayon::prelude::*;
 
+use crate::kernels::counting;
 use crate::spikes::{Geometry, Packed};
 
 /// The bits of a recording by pixel: bit `t % 64` of word `t / 64` of a pixel is its readout `t`.
@@ -22,26 +23,14 @@ impl PixelBits {
         let readouts = frames.readouts();
         let words = readouts.div_ceil(64);
         let groups = geometry.pixels().div_ceil(64);
-        let bytes = geometry.frame_bytes();
         let mut data = vec![0; groups * 64 * words];
-        data.par_chunks_exact_mut(64 * words.max(1)).enumerate().for_each(|(g, pixels)| {
-            let from = g * 8;
-            let mut block = [0u64; 64];
-            for w in 0..words {
-                for (i, word) in block.iter_mut().enumerate() {
-                    let t = w * 64 + i;
-                    *word = if t < readouts {
-                        word_at(&frames.bytes()[t * bytes..(t + 1) * bytes], from)
-                    } else {
-                        0
-                    };
-                }
-                transpose(&mut block);
-                for (i, word) in block.iter().enumerate() {
-                    pixels[i * words + w] = *word;
-                }
-            }
-        });
+        let turn = |(g, pixels): (usize, &mut [u64])| {
+            counting(
+                #[inline(always)]
+                || turn_group(frames, g, words, pixels),
+            );
+        };
+        data.par_chunks_exact_mut(64 * words.max(1)).enumerate().for_each(turn);
         Self { geometry, readouts, words, data }
     }
 
@@ -50,8 +39,29 @@ impl PixelBits {
     }
 }
 
+/// The bits of the `group`th 64 pixels.
+#[inline(always)]
+fn turn_group(frames: Packed<'_>, group: usize, words: usize, pixels: &mut [u64]) {
+    let (readouts, bytes) = (frames.readouts(), frames.geometry().frame_bytes());
+    let mut block = [0u64; 64];
+    for w in 0..words {
+        for (i, word) in block.iter_mut().enumerate() {
+            let t = w * 64 + i;
+            *word = if t < readouts {
+                word_at(&frames.bytes()[t * bytes..(t + 1) * bytes], group * 8)
+            } else {
+                0
+            };
+        }
+        transpose(&mut block);
+        for (i, word) in block.iter().enumerate() {
+            pixels[i * words + w] = *word;
+        }
+    }
+}
+
 /// Eight bytes from `at`, zeros behind the end.
-#[inline]
+#[inline(always)]
 pub(super) fn word_at(bytes: &[u8], at: usize) -> u64 {
     match bytes.get(at..).and_then(|rest| rest.first_chunk::<8>()) {
         Some(whole) => u64::from_le_bytes(*whole),
@@ -63,6 +73,7 @@ pub(super) fn word_at(bytes: &[u8], at: usize) -> u64 {
 }
 
 /// Row `i`, bit `j` and row `j`, bit `i` change places: halves of halves, six times.
+#[inline(always)]
 fn transpose(block: &mut [u64; 64]) {
     let mut size = 32;
     let mut mask = 0x0000_0000_FFFF_FFFF_u64;
@@ -80,6 +91,7 @@ fn transpose(block: &mut [u64; 64]) {
 }
 
 /// Spikes in blocks of time that end at `ends`, which rise.
+#[inline(always)]
 pub(super) fn count_blocks<const N: usize>(words: &[u64], ends: [usize; N]) -> [u32; N] {
     let (mut word, mut before, mut total) = (0, 0, 0);
     ends.map(|end| {
@@ -94,11 +106,13 @@ pub(super) fn count_blocks<const N: usize>(words: &[u64], ends: [usize; N]) -> [
 }
 
 /// Spikes in a stretch of time.
+#[inline(always)]
 pub(super) fn count_between(words: &[u64], from: usize, to: usize) -> u32 {
     count_blocks(words, [from, to])[1]
 }
 
 /// Readouts at which both pixels fired, the second `lag` (0 or 1) readouts later.
+#[inline(always)]
 pub(super) fn coincidences(first: &[u64], second: &[u64], lag: usize) -> u32 {
     if lag == 0 {
         return first.iter().zip(second).map(|(a, b)| (a & b).count_ones()).sum();

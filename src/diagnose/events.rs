@@ -30,7 +30,7 @@ impl Reference {
             // From half of them: twice the root of a count is no straight line from none.
             let mut fewer = fit.u.clone();
             fewer[j] *= 0.5;
-            let fewer = self.mean_of(&fit.model, &fewer, PAIRS.min(fit.each.len()))?;
+            let fewer = self.mean_of(&fit.model, &fewer, PAIRS.min(fit.each.len()), Vec::new())?;
             let change: Vec<DVector<f64>> = fewer.each.iter().zip(&fit.each).map(|(a, b)| b - a).collect();
             let change = quiet(2.0 * average(&change), &self.spread, change.len());
             for (k, scene) in self.setup.scenes.iter().enumerate() {

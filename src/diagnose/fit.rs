@@ -19,6 +19,8 @@ pub(super) struct Fit {
     pub u: Vec<f64>,
     pub mean: DVector<f64>,
     pub each: Vec<DVector<f64>>,
+    /// The numbers that `each` was simulated with, empty where no other fit could have the same.
+    at: Vec<f64>,
     /// Changes per unit of the effects' knobs.
     pub jacobian: DMatrix<f64>,
     /// Changes per standard deviation of the numbers of events.
@@ -69,6 +71,7 @@ impl Fit {
             u: vec![0.0; reference.model.knobs.len()],
             mean: reference.mean.clone(),
             each: reference.baseline.clone(),
+            at: Vec::new(),
             jacobian: DMatrix::zeros(data.len(), 0),
             events: DMatrix::zeros(data.len(), 0),
             misfit: reference.metric.square(&off),
@@ -110,6 +113,7 @@ impl Fit {
     /// With `candidate` added, its amplitude scaled.
     pub fn with(&self, candidate: &Candidate, scale: f64) -> Self {
         let mut next = self.clone();
+        next.at.clear();
         next.effects.push((candidate.name, candidate.knobs.len()));
         for (i, (knob, at)) in candidate.knobs.iter().zip(&candidate.at).enumerate() {
             next.model.knobs.push(*knob);
@@ -121,6 +125,7 @@ impl Fit {
     /// Without one of its effects.
     pub fn without(&self, effect: usize) -> Self {
         let mut next = self.clone();
+        next.at.clear();
         let range = self.knobs_of(effect);
         next.model.knobs.drain(range.clone());
         next.u.drain(range);
@@ -183,13 +188,16 @@ fn trust(scale: Scale, u: f64) -> f64 {
 }
 
 impl Reference {
-    /// Simulates the fit's mean and compares it with `data`.
+    /// Simulates the fit's mean, as far as that has not been done, and compares it with `data`.
     pub(super) fn evaluate(&self, fit: &mut Fit, data: &DVector<f64>, count: usize) -> Result<()> {
-        let means = self.mean_of(&fit.model, &fit.u, count)?;
+        let known = std::mem::take(&mut fit.each);
+        let known = if fit.at == fit.u { known } else { Vec::new() };
+        let means = self.mean_of(&fit.model, &fit.u, count, known)?;
         let off = data - &means.mean;
         fit.misfit = self.metric.square(&off);
         fit.mean = means.mean;
         fit.each = means.each;
+        fit.at.clone_from(&fit.u);
         fit.events = self.event_columns(fit)?;
         fit.likelihood = self.likelihood(fit)?;
         fit.cost = fit.likelihood.deviance(&off);
@@ -252,7 +260,7 @@ impl Reference {
                 // Held by its range.
                 return Ok(DVector::zeros(fit.mean.len()));
             }
-            let moved = self.mean_of(&fit.model, &u, count.min(fit.each.len()))?;
+            let moved = self.mean_of(&fit.model, &u, count.min(fit.each.len()), Vec::new())?;
             let change: Vec<_> = moved.each.iter().zip(&fit.each).map(|(a, b)| a - b).collect();
             Ok(quiet(average(&change), &self.spread, change.len()) / (u[j] - fit.u[j]))
         };

@@ -33,6 +33,7 @@ mod setup;
 mod spread;
 mod still;
 mod time;
+mod together;
 mod vector;
 mod wave;
 

@@ -193,12 +193,20 @@ impl Reference {
         })
     }
 
-    /// Mean vector of `sample` from `count` simulations, with the base model's as control where that helps.
-    pub(super) fn mean_of(&self, model: &Model, u: &[f64], count: usize) -> Result<Means> {
+    /// Mean vector of a fitted model from `count` simulations, of which the first are `known`, with the base model's as control
+    /// where that helps.
+    pub(super) fn mean_of(
+        &self,
+        model: &Model,
+        u: &[f64],
+        count: usize,
+        known: Vec<DVector<f64>>,
+    ) -> Result<Means> {
         let sample = model.sample(u, &[], self.setup.scenes.len())?;
         let one = |i: usize| Ok(DVector::from_vec(self.setup.values(&sample, self.seed + i as u64)?));
-        let each: Vec<DVector<f64>> =
-            (0..count.min(FIXED)).into_par_iter().map(one).collect::<Result<_>>()?;
+        let mut each = known;
+        let more = (each.len()..count.min(FIXED)).into_par_iter().map(one);
+        each.extend(more.collect::<Result<Vec<_>>>()?);
         Ok(Means { mean: self.controlled(&each), each })
     }
 

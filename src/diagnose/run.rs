@@ -93,9 +93,10 @@ pub fn diagnose(
             first + rows - 1
         ));
     }
-    if let Some(readouts) = setup.first_readouts {
+    if let Some([fewest, most]) = setup.first_readouts {
+        let first = if fewest == most { fewest.to_string() } else { format!("{fewest} to {most}") };
         diagnosis.notes.push(format!(
-            "The recordings are large: the first {readouts} readouts of each were judged. --everything judges all of them, which sees weaker and slower effects and takes longer in proportion."
+            "The recordings are large: the first {first} readouts of each were judged. --everything judges all of them, which sees weaker and slower effects and takes longer in proportion."
         ));
     }
     progress("pictures", 0.95);

@@ -2,12 +2,17 @@
 
 use rayon::prelude::*;
 
-use super::bits::{PixelBits, coincidences, count_between, count_blocks, word_at};
+use super::bits::{PixelBits, count_between, count_blocks};
+use super::together::{changes, neighbours, row_halves, totals};
 use super::wave::{Stretch, stretches};
-use crate::spikes::{Geometry, Packed, count};
+use crate::kernels::counting;
+use crate::spikes::{Geometry, Packed};
 
 /// Blocks of time whose counts are compared.
 pub(super) const BLOCKS: usize = 8;
+
+/// Runs of pixels that are looked at side by side. A fixed number: sums of parts depend on where they are cut.
+const BANDS: usize = 8;
 
 /// Lags of the phase variance, in intervals.
 pub(super) const LAGS: [usize; 3] = [1, 4, 16];
@@ -74,24 +79,28 @@ pub(super) struct Scan {
 /// Scans packed frames for what `look` asks.
 pub(super) fn scan(frames: Packed<'_>, look: Look) -> Scan {
     let dim = look.dim;
-    let totals: Vec<u32> = frames.frames().map(|f| count(f) as u32).collect();
+    let totals = totals(frames);
     let stretches = look.half_period.map_or_else(Vec::new, |half| stretches(&totals, half));
     let dark: Vec<_> = dark_windows(&stretches).collect();
     let bits = PixelBits::new(frames);
     let geometry = bits.geometry;
     let n = geometry.pixels();
-    let bands = rayon::current_num_threads().max(1);
-    let rows = n.div_ceil(bands);
-    let parts: Vec<(Vec<PixelScan>, Vec<[f64; 2]>)> = (0..bands)
-        .into_par_iter()
-        .map(|band| {
-            let mut deviations = vec![[0.0; 2]; if dim { bits.readouts } else { 0 }];
-            let mut times = Vec::new();
-            let of_pixel = |p| pixel(&bits, p, dim, &dark, &mut times, &mut deviations);
-            let pixels = (band * rows..((band + 1) * rows).min(n)).map(of_pixel).collect();
-            (pixels, deviations)
-        })
-        .collect();
+    let rows = n.div_ceil(BANDS);
+    let of_band = |band: usize| {
+        let mut deviations = vec![[0.0; 2]; if dim { bits.readouts } else { 0 }];
+        let mut times = Vec::new();
+        let mut pixels = Vec::with_capacity(rows);
+        counting(
+            #[inline(always)]
+            || {
+                for p in band * rows..((band + 1) * rows).min(n) {
+                    pixels.push(pixel(&bits, p, dim, &dark, &mut times, &mut deviations));
+                }
+            },
+        );
+        (pixels, deviations)
+    };
+    let parts: Vec<(Vec<PixelScan>, Vec<[f64; 2]>)> = (0..BANDS).into_par_iter().map(of_band).collect();
     let mut pixels = Vec::with_capacity(n);
     let mut deviations = vec![[0.0; 2]; if dim { bits.readouts } else { 0 }];
     for (part, more) in parts {
@@ -111,6 +120,7 @@ pub(super) fn scan(frames: Packed<'_>, look: Look) -> Scan {
     }
 }
 
+#[inline(always)]
 fn pixel(
     bits: &PixelBits,
     p: usize,
@@ -159,6 +169,7 @@ pub(super) fn dark_windows(stretches: &[Stretch]) -> impl Iterator<Item = (usize
 }
 
 /// Every interval of a dim pixel.
+#[inline(always)]
 fn intervals(times: &[u32], mean: f64, scan: &mut PixelScan, deviations: &mut [[f64; 2]]) {
     let square = scan.rate * scan.rate;
     // A spike too many or too few must not drown the noise of all others; it is counted below.
@@ -203,6 +214,7 @@ fn intervals(times: &[u32], mean: f64, scan: &mut PixelScan, deviations: &mut [[
 }
 
 /// Lengths of a bright pixel's intervals by shifted words.
+#[inline(always)]
 fn bright(words: &[u64], mean: f64, scan: &mut PixelScan) {
     let (low, high) = (mean.floor() as usize, mean.ceil() as usize);
     if high > LONGEST {
@@ -224,88 +236,4 @@ fn bright(words: &[u64], mean: f64, scan: &mut PixelScan) {
         }
     }
     scan.off_lattice = [shorter, (scan.count - 1).saturating_sub(within + shorter)];
-}
-
-fn changes(frames: Packed<'_>) -> Vec<u32> {
-    let change = |(a, b): (&[u8], &[u8])| {
-        let words = (0..a.len()).step_by(8);
-        words.map(|i| (word_at(a, i) ^ word_at(b, i)).count_ones()).sum()
-    };
-    frames.frames().zip(frames.frames().skip(1)).map(change).collect()
-}
-
-/// Bits `from..to` of a frame.
-fn count_range(frame: &[u8], from: usize, to: usize) -> u32 {
-    let mut total = 0;
-    let mut at = from;
-    while at < to {
-        let take = (to - at).min(56);
-        let word = word_at(frame, at / 8) >> (at % 8);
-        total += (word & ((1 << take) - 1)).count_ones();
-        at += take;
-    }
-    total
-}
-
-/// Rows gain or lose together: `(var(l + r) - var(l - r)) / 4` over readouts, mean over rows.
-fn row_halves(frames: Packed<'_>) -> f64 {
-    let geometry = frames.geometry();
-    let (width, height, n) = (geometry.width(), geometry.height(), frames.readouts() as f64);
-    if width < 4 || frames.readouts() < 2 {
-        return 0.0;
-    }
-    // A whole row in one word, wherever in a byte it begins.
-    let short = width <= 56;
-    let of_row = |row: usize| {
-        let (start, middle) = (row * width, row * width + width / 2);
-        let (mut l1, mut r1, mut lr, mut l2, mut r2) = (0u64, 0u64, 0u64, 0u64, 0u64);
-        for frame in frames.frames() {
-            let [l, r] = if short {
-                let row = word_at(frame, start / 8) >> (start % 8);
-                let left = row & ((1 << (width / 2)) - 1);
-                let right = (row ^ left) & ((1 << width) - 1);
-                [u64::from(left.count_ones()), u64::from(right.count_ones())]
-            } else {
-                [(start, middle), (middle, start + width)].map(|(a, b)| u64::from(count_range(frame, a, b)))
-            };
-            l1 += l;
-            r1 += r;
-            lr += l * r;
-            l2 += l * l;
-            r2 += r * r;
-        }
-        let [l1, r1, lr, l2, r2] = [l1, r1, lr, l2, r2].map(|x| x as f64 / n);
-        let scale = ((l2 - l1 * l1) * (r2 - r1 * r1)).sqrt();
-        if scale > 0.0 { (lr - l1 * r1) / scale } else { 0.0 }
-    };
-    (0..height).into_par_iter().map(of_row).sum::<f64>() / height as f64
-}
-
-fn neighbours(bits: &PixelBits, pixels: &[PixelScan]) -> [f64; 4] {
-    let (width, n) = (bits.geometry.width(), pixels.len());
-    let of_pixel = |p: usize| {
-        let mut sums = [[0.0; 2]; 4];
-        // Half of the pairs, like the squares of one colour.
-        if !(p / width + p % width).is_multiple_of(2) {
-            return sums;
-        }
-        let mut add = |k: usize, q: usize| {
-            let chance = f64::from(pixels[p].count) * f64::from(pixels[q].count) / bits.readouts as f64;
-            let (a, b) = (bits.pixel(p), bits.pixel(q));
-            sums[k] = [f64::from(coincidences(a, b, 0)), chance];
-            let late = coincidences(a, b, 1) + coincidences(b, a, 1);
-            sums[k + 2] = [f64::from(late), 2.0 * chance];
-        };
-        if p % width + 1 < width {
-            add(0, p + 1);
-        }
-        if p + width < n {
-            add(1, p + width);
-        }
-        sums
-    };
-    let merge =
-        |a: [[f64; 2]; 4], b: [[f64; 2]; 4]| std::array::from_fn(|k| [a[k][0] + b[k][0], a[k][1] + b[k][1]]);
-    let sums = (0..n).into_par_iter().map(of_pixel).reduce(|| [[0.0; 2]; 4], merge);
-    sums.map(|[found, chance]| if chance > 0.0 { found / chance - 1.0 } else { 0.0 })
 }

@@ -16,9 +16,10 @@ use crate::spikes::{Geometry, Packed};
 /// Rates up to this have all intervals looked at.
 const DIM: f64 = 0.25;
 
-/// Pixel-readouts of a recording that are judged, and readouts that are judged at least: two and a half periods of
-/// the usual square wave. What is named is far stronger than what so many show, and a simulation takes as long.
-const ENOUGH: (usize, usize) = (50_000_000, 2500);
+/// Pixel-readouts of a recording that are judged, readouts that are judged at least, and half periods of a square wave.
+/// What is named is far stronger than what so many show, and a simulation takes as long.
+const ENOUGH: (usize, usize) = (35_000_000, 1250);
+const HALF_PERIODS: usize = 5;
 
 /// Shortest half period after whose edges a response can be seen, in readouts.
 const SHORTEST: usize = STEADY + 40;
@@ -112,8 +113,8 @@ pub struct Setup {
     pub maps: bool,
     /// First row and rows that are looked at, where a still scene is larger than 20,000 pixels.
     pub band: Option<(usize, usize)>,
-    /// Readouts of the longest recording that are judged, where it has more.
-    pub first_readouts: Option<usize>,
+    /// Fewest and most readouts that are judged of the recordings that have more.
+    pub first_readouts: Option<[usize; 2]>,
 }
 
 /// A camera and how far each scene's light is off: factors near one.
@@ -133,11 +134,25 @@ pub(super) struct Measured {
 /// How much of large recordings is judged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Extent {
-    /// The first 50 million pixel-readouts of each, but 2,500 readouts at least.
+    /// The first 35 million pixel-readouts of each, but 1,250 readouts and five half periods of a square wave at least.
     #[default]
     Enough,
     /// All readouts.
     Everything,
+}
+
+impl Extent {
+    /// Readouts that are judged at most.
+    fn most(self, geometry: Geometry, light: Light) -> usize {
+        let least = match light {
+            Light::Scene(Pattern::Square { half_period, .. }) => HALF_PERIODS * half_period as usize,
+            _ => ENOUGH.1,
+        };
+        match self {
+            Self::Enough => (ENOUGH.0 / geometry.pixels()).max(least),
+            Self::Everything => usize::MAX,
+        }
+    }
 }
 
 /// Which part of the recordings is looked at.
@@ -158,17 +173,15 @@ impl Setup {
     /// When a file cannot be read, or a recording is too short to judge.
     pub fn of(set: &RecordingSet, part: Part, extent: Extent) -> Result<Self> {
         let geometry = set.geometry()?;
-        let most = match extent {
-            Extent::Enough => (ENOUGH.0 / geometry.pixels()).max(ENOUGH.1),
-            Extent::Everything => usize::MAX,
-        };
-        let (mut scenes, mut first_readouts) = (Vec::new(), None);
+        let (mut scenes, mut first_readouts) = (Vec::new(), None::<[usize; 2]>);
         for recording in &set.recordings {
             let reader = set.reader(recording)?;
+            let most = extent.most(geometry, recording.light);
             // Both parts of a recording that is cut in the middle have as many.
             let all = if part == Part::Whole { most } else { most.saturating_mul(2) };
             if reader.readouts() > all {
-                first_readouts = first_readouts.max(Some(all));
+                let [fewest, longest] = first_readouts.unwrap_or([all; 2]);
+                first_readouts = Some([fewest.min(all), longest.max(all)]);
             }
             let (skip, readouts) = cut(reader.readouts().min(all), recording.light, part);
             if readouts < FEWEST {

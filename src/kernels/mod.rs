@@ -18,6 +18,8 @@ mod backend;
 mod bare;
 mod batch;
 mod body;
+#[cfg(all(feature = "files", feature = "threads"))]
+mod counting;
 mod general;
 mod increment;
 mod lanes;
@@ -33,6 +35,8 @@ mod wide_lanes;
 
 pub use backend::Backend;
 pub use batch::{Batch, Job, Light, NoiseRound, Rounds, Samples, Segment};
+#[cfg(all(feature = "files", feature = "threads"))]
+pub(crate) use counting::counting;
 pub use modulation::Modulation;
 
 use crate::plan::StateParts;

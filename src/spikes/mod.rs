@@ -144,6 +144,7 @@ pub fn set_bit(frame: &mut [u8], p: usize) {
 
 /// The number of spikes in packed bytes.
 #[must_use]
+#[inline]
 pub fn count(bytes: &[u8]) -> u64 {
     let (words, tail) = bytes.as_chunks::<8>();
     let whole: u64 = words.iter().map(|w| u64::from(u64::from_le_bytes(*w).count_ones())).sum();

@@ -1,0 +1,27 @@
+//! Plain code compiled for the bit-counting instructions of this CPU.
+
+#![cfg_attr(target_arch = "x86_64", allow(unsafe_code, reason = "instructions that were asked for first"))]
+
+/// Runs `work` compiled with AVX2, POPCNT and BMI where this CPU has them: without, a count of bits is a dozen
+/// operations. Only what is inlined into `work` gains; the result is the same.
+#[inline]
+pub(crate) fn counting<R>(work: impl FnOnce() -> R) -> R {
+    #[cfg(target_arch = "x86_64")]
+    {
+        let has = is_x86_feature_detected!("avx2")
+            && is_x86_feature_detected!("popcnt")
+            && is_x86_feature_detected!("bmi1")
+            && is_x86_feature_detected!("bmi2");
+        if has {
+            // SAFETY: the CPU has the features that `enter` is compiled with.
+            return unsafe { enter(work) };
+        }
+    }
+    work()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,popcnt,bmi1,bmi2")]
+fn enter<R>(work: impl FnOnce() -> R) -> R {
+    work()
+}
