@@ -77,11 +77,11 @@ fn what_no_catalogue_holds_is_called_unknown() {
 #[test]
 fn of_large_recordings_the_first_readouts_are_judged_unless_all_are_asked_for() {
     let folder = tempfile::tempdir().unwrap();
-    // 48,000 pixels: 35 million pixel-readouts are 729 readouts, and 1,000 are judged at least.
+    // 32,000 pixels: 35 million pixel-readouts are 1,093 readouts, and 1,250 are judged at least.
     for name in ["dark.dat", "square.dat"] {
-        std::fs::write(folder.path().join(name), vec![0; 240 * 200 / 8 * 5100]).unwrap();
+        std::fs::write(folder.path().join(name), vec![0; 200 * 160 / 8 * 5100]).unwrap();
     }
-    let set = "width = 240\nheight = 200\nreadout_hz = 20000.0\n[[recording]]\nfile = \"dark.dat\"\nlight = 0.0\n\
+    let set = "width = 200\nheight = 160\nreadout_hz = 20000.0\n[[recording]]\nfile = \"dark.dat\"\nlight = 0.0\n\
         [[recording]]\nfile = \"square.dat\"\nlight = { kind = \"square\", half_period = 400, high = 0.5, low = 0.1 }\n";
     std::fs::write(folder.path().join("recordings.toml"), set).unwrap();
     let set = RecordingSet::open(&folder.path().join("recordings.toml")).unwrap();
@@ -91,9 +91,9 @@ fn of_large_recordings_the_first_readouts_are_judged_unless_all_are_asked_for() 
         (of(0), of(1), setup.first_readouts)
     };
     // Of a square wave five half periods.
-    assert_eq!(judged(Part::Whole, Extent::Enough), ((0, 1000), (0, 2000), Some([1000, 2000])));
+    assert_eq!(judged(Part::Whole, Extent::Enough), ((0, 1250), (0, 2000), Some([1250, 2000])));
     assert_eq!(judged(Part::Whole, Extent::Everything), ((0, 5100), (0, 5100), None));
     // Both parts of a recording that is cut in the middle have as many, but for whole periods.
-    assert_eq!(judged(Part::First, Extent::Enough), ((0, 1000), (0, 1600), Some([2000, 4000])));
-    assert_eq!(judged(Part::Second, Extent::Enough), ((1000, 1000), (1600, 2400), Some([2000, 4000])));
+    assert_eq!(judged(Part::First, Extent::Enough), ((0, 1250), (0, 1600), Some([2500, 4000])));
+    assert_eq!(judged(Part::Second, Extent::Enough), ((1250, 1250), (1600, 2400), Some([2500, 4000])));
 }

@@ -32,7 +32,7 @@ pub struct Args {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Judge all readouts of large recordings, however long that takes: as a rule only the first 35 million
-    /// pixel-readouts of each are, but 1,000 readouts and five half periods of a square wave at least.
+    /// pixel-readouts of each are, but 1,250 readouts and five half periods of a square wave at least.
     #[arg(long)]
     everything: bool,
     /// Only print how strong each effect must be before this set can name it.

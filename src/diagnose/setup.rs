@@ -18,7 +18,7 @@ const DIM: f64 = 0.25;
 
 /// Pixel-readouts of a recording that are judged, readouts that are judged at least, and half periods of a square wave.
 /// What is named is far stronger than what so many show, and a simulation takes as long.
-const ENOUGH: (usize, usize) = (35_000_000, 1000);
+const ENOUGH: (usize, usize) = (35_000_000, 1250);
 const HALF_PERIODS: usize = 5;
 
 /// Shortest half period after whose edges a response can be seen, in readouts.
@@ -134,7 +134,7 @@ pub(super) struct Measured {
 /// How much of large recordings is judged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Extent {
-    /// The first 35 million pixel-readouts of each, but 1,000 readouts and five half periods of a square wave at least.
+    /// The first 35 million pixel-readouts of each, but 1,250 readouts and five half periods of a square wave at least.
     #[default]
     Enough,
     /// All readouts.
