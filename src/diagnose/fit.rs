@@ -19,7 +19,8 @@ pub(super) struct Fit {
     pub u: Vec<f64>,
     pub mean: DVector<f64>,
     pub each: Vec<DVector<f64>>,
-    /// The numbers that `each` was simulated with, empty where no other fit could have the same.
+    /// The numbers that `each` was simulated and compared with the data with; empty where that was done with other effects, and
+    /// for the base model, which the null's noise judges.
     at: Vec<f64>,
     /// Changes per unit of the effects' knobs.
     pub jacobian: DMatrix<f64>,
@@ -188,10 +189,14 @@ fn trust(scale: Scale, u: f64) -> f64 {
 }
 
 impl Reference {
-    /// Simulates the fit's mean, as far as that has not been done, and compares it with `data`.
+    /// Simulates the fit's mean, as far as that has not been done, and compares it with `data`, which are the same throughout
+    /// a search.
     pub(super) fn evaluate(&self, fit: &mut Fit, data: &DVector<f64>, count: usize) -> Result<()> {
-        let known = std::mem::take(&mut fit.each);
-        let known = if fit.at == fit.u { known } else { Vec::new() };
+        let known = if fit.at == fit.u { std::mem::take(&mut fit.each) } else { Vec::new() };
+        if known.len() >= count {
+            fit.each = known;
+            return Ok(());
+        }
         let means = self.mean_of(&fit.model, &fit.u, count, known)?;
         let off = data - &means.mean;
         fit.misfit = self.metric.square(&off);
@@ -282,17 +287,6 @@ impl Reference {
         count: usize,
     ) -> Result<Fit> {
         self.evaluate(&mut fit, data, count)?;
-        self.improve(fit, data, rounds, count)
-    }
-
-    /// [`Self::refine`] of a fit that has been evaluated with `count` simulations.
-    pub(super) fn improve(
-        &self,
-        mut fit: Fit,
-        data: &DVector<f64>,
-        rounds: usize,
-        count: usize,
-    ) -> Result<Fit> {
         for round in 0..rounds {
             // Common draws: a difference needs fewer simulations than a mean.
             self.derive(&mut fit, count.div_ceil(2))?;

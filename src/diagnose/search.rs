@@ -193,7 +193,7 @@ impl Reference {
             let evaluated = |mut fit: Fit| self.evaluate(&mut fit, data, FEW).map(|()| fit);
             let from = from.iter().cloned().map(evaluated).collect::<Result<Vec<_>>>()?;
             let best = from.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
-            best.map(|best| self.improve(best, data, ROUNDS_OF_ENTRANTS, FEW)).transpose()
+            best.map(|best| self.refine(best, data, ROUNDS_OF_ENTRANTS, FEW)).transpose()
         };
         let fits = starts.par_iter().map(enter).collect::<Result<Vec<_>>>()?;
         let mut fits: Vec<Fit> = fits.into_iter().flatten().collect();
