@@ -1,12 +1,13 @@
 //! Which code judged a sensor: results of two versions must not share a table.
 
 /// What decides on a diagnosis, and what makes the sensors.
-const SOURCES: [&str; 28] = [
+const SOURCES: [&str; 29] = [
     include_str!("../../src/diagnose/bits.rs"),
     include_str!("../../src/diagnose/candidates.rs"),
     include_str!("../../src/diagnose/edges.rs"),
     include_str!("../../src/diagnose/events.rs"),
     include_str!("../../src/diagnose/fit.rs"),
+    include_str!("../../src/diagnose/interval.rs"),
     include_str!("../../src/diagnose/lines.rs"),
     include_str!("../../src/diagnose/maps.rs"),
     include_str!("../../src/diagnose/metric.rs"),

@@ -62,6 +62,10 @@ const PRIOR: f64 = 10.0;
 /// with [`PRIOR`] and eight simulations.
 const WIDER: f64 = 1.6;
 
+/// Deviations of its noise, at worst, from which on a change is one, and simulations that can show it.
+const MOVED: f64 = 2.0;
+const ENOUGH: usize = 6;
+
 impl Fit {
     /// The base model.
     pub fn base(reference: &Reference, data: &DVector<f64>) -> Self {
@@ -143,6 +147,13 @@ impl Fit {
         next
     }
 
+    /// The same with the base model's numbers held.
+    pub fn bounds_of_effects(&self) -> Vec<Bound> {
+        let mut bounds = self.bounds();
+        bounds[..self.base_knobs()].iter_mut().for_each(|b| (b.low, b.high) = (0.0, 0.0));
+        bounds
+    }
+
     /// How far each number may move: to the end of its range, and as far as a linear step is trusted.
     pub fn bounds(&self) -> Vec<Bound> {
         let bound = |j: usize| {
@@ -177,6 +188,24 @@ fn step(scale: Scale, u: f64) -> f64 {
     match scale {
         Scale::Log | Scale::Kept => 0.35,
         _ => (0.4 * u.abs()).max(0.4),
+    }
+}
+
+/// Between which positions a derivative is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Secant {
+    /// From where the fit stands: half the simulations. Where an effect sets in late its slope is too steep by then, and steps
+    /// back are short.
+    Ahead,
+    /// To both sides.
+    Around,
+}
+
+/// Ends of a secant of length `h`.
+fn ends(u: f64, h: f64, secant: Secant) -> [f64; 2] {
+    match secant {
+        Secant::Ahead => [u, u + h],
+        Secant::Around => [u - 0.5 * h, u + 0.5 * h],
     }
 }
 
@@ -250,24 +279,46 @@ impl Reference {
         (0..self.spread.len()).map(factor).collect()
     }
 
+    /// Statistics that all effects together hardly move: a derivative there is noise, which a part of a step cannot tell but all of it can.
+    fn unmoved(&self, fit: &Fit) -> Vec<usize> {
+        let n = fit.each.len();
+        if n < ENOUGH {
+            return Vec::new();
+        }
+        let change = average(&fit.each) - average(&self.baseline[..n]);
+        let limit = MOVED * (2.0 / n as f64).sqrt();
+        (0..change.len()).filter(|i| change[*i].abs() < limit * self.spread[*i]).collect()
+    }
+
     /// Derivatives by the effects' knobs, with the draws of the fit's own simulations.
-    pub(super) fn derive(&self, fit: &mut Fit, count: usize) -> Result<()> {
+    pub(super) fn derive(&self, fit: &mut Fit, count: usize, secant: Secant) -> Result<()> {
         let base = fit.base_knobs();
+        let still = self.unmoved(fit);
         let column = |j: usize| -> Result<DVector<f64>> {
             let knob = fit.model.knobs[j];
             let h = step(knob.scale, fit.u[j]);
-            let mut u = fit.u.clone();
-            u[j] = knob.clamped(fit.u[j] + h);
-            if (u[j] - fit.u[j]).abs() < 0.5 * h {
-                u[j] = knob.clamped(fit.u[j] - h);
+            let [mut low, mut high] = ends(fit.u[j], h, secant).map(|u| knob.clamped(u));
+            if high - low < 0.5 * h {
+                (low, high) = (knob.clamped(high - h), high);
             }
-            if u[j] == fit.u[j] {
+            if low == high {
                 // Held by its range.
                 return Ok(DVector::zeros(fit.mean.len()));
             }
-            let moved = self.mean_of(&fit.model, &u, count.min(fit.each.len()), Vec::new())?;
-            let change: Vec<_> = moved.each.iter().zip(&fit.each).map(|(a, b)| a - b).collect();
-            Ok(quiet(average(&change), &self.spread, change.len()) / (u[j] - fit.u[j]))
+            let count = count.min(fit.each.len());
+            let at = |end: f64| -> Result<Vec<DVector<f64>>> {
+                if end == fit.u[j] {
+                    return Ok(fit.each.clone());
+                }
+                let mut u = fit.u.clone();
+                u[j] = end;
+                Ok(self.mean_of(&fit.model, &u, count, Vec::new())?.each)
+            };
+            let (from, to) = (at(low)?, at(high)?);
+            let change: Vec<_> = to.iter().zip(&from).map(|(a, b)| a - b).take(count).collect();
+            let mut plain = quiet(average(&change), &self.spread, change.len());
+            still.iter().for_each(|i| plain[*i] = 0.0);
+            Ok(plain / (high - low))
         };
         let columns = (base..fit.u.len()).into_par_iter().map(column).collect::<Result<Vec<_>>>()?;
         fit.jacobian = if columns.is_empty() {
@@ -289,7 +340,7 @@ impl Reference {
         self.evaluate(&mut fit, data, count)?;
         for round in 0..rounds {
             // Common draws: a difference needs fewer simulations than a mean.
-            self.derive(&mut fit, count.div_ceil(2))?;
+            self.derive(&mut fit, count.div_ceil(2), Secant::Ahead)?;
             let Some(next) = self.line_search(&fit, data, count)? else { break };
             let gained = fit.cost - next.cost;
             let jacobian = std::mem::replace(&mut fit, next).jacobian;
@@ -301,12 +352,16 @@ impl Reference {
         Ok(fit)
     }
 
-    /// The whole step if it helps, or a part of it.
+    /// The first of these steps that helps: the whole one, that of the effects alone, or a part of the whole one. Where the base
+    /// model's numbers stay, draws are alike to those of all of its simulations, and the mean has less noise than a small
+    /// move of theirs gains.
     fn line_search(&self, fit: &Fit, data: &DVector<f64>, count: usize) -> Result<Option<Fit>> {
         let off = data - &fit.mean;
-        let wanted = Metric::new(&fit.likelihood.noise, fit.directions(self)).bounded(&off, &fit.bounds());
-        for share in [1.0, 0.4] {
-            let mut next = fit.moved(&(&wanted * share));
+        let metric = Metric::new(&fit.likelihood.noise, fit.directions(self));
+        let wanted = |bounds: &[Bound]| metric.bounded(&off, bounds);
+        let whole = wanted(&fit.bounds());
+        for step in [whole.clone(), wanted(&fit.bounds_of_effects()), whole * 0.4] {
+            let mut next = fit.moved(&step);
             self.evaluate(&mut next, data, count)?;
             if next.cost < fit.cost {
                 return Ok(Some(next));

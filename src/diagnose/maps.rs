@@ -9,6 +9,9 @@ use super::vector::{Vector, counted, ln};
 /// Half periods over the map from which on a wave counts as one.
 const NEAREST: usize = 4;
 
+/// Robust standard deviations from the median beyond which a pixel is not one of the others.
+const FAR: f64 = 5.0;
+
 /// Names of one map's statistics.
 struct Names([&'static str; 24]);
 
@@ -54,10 +57,10 @@ pub(super) fn of_lines(v: &mut Vector, lines: &Lines, width: usize) {
     v.push(None, "gain and dark current together", both, 1e-3);
 }
 
-/// Deviations from the median in robust standard deviations, cut at five.
+/// Deviations from the median in robust standard deviations, cut at [`FAR`].
 fn standard(map: &[f64], spread: &Spread) -> Vec<f64> {
     let (centre, scale) = (spread.median(), spread.sd());
-    map.iter().map(|x| ((x - centre) / scale).clamp(-5.0, 5.0)).collect()
+    map.iter().map(|x| ((x - centre) / scale).clamp(-FAR, FAR)).collect()
 }
 
 fn map(v: &mut Vector, names: &Names, map: &[f64], width: usize) -> Vec<f64> {
@@ -66,15 +69,18 @@ fn map(v: &mut Vector, names: &Names, map: &[f64], width: usize) -> Vec<f64> {
     let n = map.len() as f64;
     let height = map.len() / width;
     let far = |sign: f64| {
-        let beyond = |x: &&f64| sign * (*x - spread.median()) > 5.0 * spread.sd();
+        let beyond = |x: &&f64| sign * (*x - spread.median()) > FAR * spread.sd();
         map.iter().filter(beyond).count() as f64
     };
+    // Pixels far off are counted. As they come near a hundredth, that quantile would jump from the others to them.
+    let near = |x: &&f64| (*x - spread.median()).abs() <= FAR * spread.sd();
+    let body = Spread::of(&map.iter().filter(near).copied().collect::<Vec<f64>>());
     let mut values = vec![
         (ln(spread.median()), 1e-4),
         (ln(spread.sd() / spread.median().abs().max(1e-9)), 2e-3),
         (spread.skew(), 2e-3),
-        (ln(spread.upper_tail()), 4e-3),
-        (ln(spread.lower_tail()), 4e-3),
+        (ln(body.upper_tail()), 4e-3),
+        (ln(body.lower_tail()), 4e-3),
         counted(far(1.0)),
         counted(far(-1.0)),
     ];
@@ -179,7 +185,7 @@ pub(super) fn slope(map: &[f64], values: &[f64]) -> f64 {
     let other = Spread::of(values);
     let (mut xy, mut xx) = (0.0, 0.0);
     for (x, y) in z.iter().zip(values).filter(|(_, y)| y.is_finite()) {
-        let y = (y - other.median()).clamp(-5.0 * other.sd(), 5.0 * other.sd());
+        let y = (y - other.median()).clamp(-FAR * other.sd(), FAR * other.sd());
         xy += x * y;
         xx += x * x;
     }

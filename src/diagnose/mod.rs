@@ -13,6 +13,7 @@ mod candidates;
 mod edges;
 mod events;
 mod fit;
+mod interval;
 mod lines;
 mod maps;
 mod metric;

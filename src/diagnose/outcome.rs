@@ -3,16 +3,13 @@
 use serde::Serialize;
 
 use super::candidates::MISFITS;
-use super::model::Knob;
+use super::interval::interval;
 use super::own::MEAN;
 use super::reference::Reference;
 use super::search::{Found, Round};
 use super::settle::{settle, tied};
 use crate::effects::Camera;
 use crate::error::Result;
-
-/// Quantile of Student's law for 95 % intervals: a deviation is known from thirty simulations.
-const INTERVAL: f64 = 2.04;
 
 /// Share of the first excess that all names together must explain where something is left: what the catalogue holds
 /// leaves a few per cent at most, and a name that stands in for something else leaves a fifth.
@@ -156,19 +153,18 @@ pub(super) fn outcome(
 ) -> Result<Diagnosis> {
     let off = data - &found.own.mean;
     // The last, small step that the linear fit still asks for.
-    let mut bounds = found.fit.bounds();
-    for (bound, deviation) in bounds.iter_mut().zip(&found.own.deviations) {
-        (bound.low, bound.high) = (bound.low.max(-2.0 * deviation), bound.high.min(2.0 * deviation));
+    for mut bounds in [found.fit.bounds(), found.fit.bounds_of_effects()] {
+        for (bound, deviation) in bounds.iter_mut().zip(&found.own.deviations) {
+            (bound.low, bound.high) = (bound.low.max(-2.0 * deviation), bound.high.min(2.0 * deviation));
+        }
+        let mut last = found.fit.moved(&found.own.metric.bounded(&off, &bounds));
+        reference.evaluate(&mut last, data, MEAN)?;
+        if last.cost < found.fit.cost {
+            found.fit = last;
+            break;
+        }
     }
-    let mut last = found.fit.moved(&found.own.metric.bounded(&off, &bounds));
-    reference.evaluate(&mut last, data, MEAN)?;
-    if last.cost < found.fit.cost {
-        found.fit = last;
-    }
-    let interval = |j: usize| {
-        let (knob, u, sd) = (found.fit.model.knobs[j], found.fit.u[j], found.own.deviations[j]);
-        parameter(knob, u, INTERVAL * sd)
-    };
+    let interval = |j: usize| parameter(found, j);
     let left = reference.allowing(&found.fit.events)?.square(&(data - &found.fit.mean));
     let whole = (found.train[0] - left) / (found.train[0] - found.own.allowed_floor).max(1.0);
     let strange = found.train.last().is_some_and(|last| *last > STRANGE * found.own.floor);
@@ -234,8 +230,10 @@ pub(super) fn outcome(
     })
 }
 
-fn parameter(knob: Knob, u: f64, reach: f64) -> Parameter {
-    let ends = [knob.value(knob.clamped(u - reach)), knob.value(knob.clamped(u + reach))];
+fn parameter(found: &Found, j: usize) -> Parameter {
+    let (knob, u) = (found.fit.model.knobs[j], found.fit.u[j]);
+    let ends = interval(knob.scale, u, found.own.deviations[j], found.own.additive[j]);
+    let ends = ends.map(|u| knob.value(knob.clamped(u)));
     Parameter { name: knob.key, value: knob.value(u), low: ends[0].min(ends[1]), high: ends[0].max(ends[1]) }
 }
 
@@ -246,8 +244,7 @@ fn ties(round: Option<&Round>) -> Vec<&'static str> {
 /// Numbers of the given camera that the fit moved.
 fn base_misfits(reference: &Reference, found: &Found, given: &Camera) -> Vec<Misfit> {
     let of_knob = |j: usize| {
-        let (knob, u, sd) = (found.fit.model.knobs[j], found.fit.u[j], found.own.deviations[j]);
-        let p = parameter(knob, u, INTERVAL * sd);
+        let (knob, sd, p) = (found.fit.model.knobs[j], found.own.deviations[j], parameter(found, j));
         let model = given.effect(knob.effect).and_then(|e| e.get(knob.key).ok()).unwrap_or(knob.centre);
         let off = (p.value - model).abs();
         // A deviation that is as large as the number says nothing about it.

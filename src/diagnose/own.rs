@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::fit::Fit;
+use super::fit::{Fit, Secant};
 use super::metric::Metric;
 use super::model::LAMP;
 use super::reference::{Reference, gamma_limit};
@@ -29,6 +29,8 @@ pub(super) struct Own {
     pub mean: DVector<f64>,
     /// By how much the fit of such a simulation misses each of its numbers.
     pub deviations: Vec<f64>,
+    /// The part of that which does not grow with what is fitted: the null's noise.
+    pub additive: Vec<f64>,
 }
 
 impl Own {
@@ -48,7 +50,10 @@ impl Reference {
     pub(super) fn own_of_base(&self) -> Own {
         let lengths: Vec<f64> = self.baseline.iter().map(|b| self.metric.square(&(b - &self.mean))).collect();
         let (floor, floor_sd) = centre(&lengths);
+        let deviations = roots(&self.metric.covariance());
         Own {
+            additive: deviations.clone(),
+            deviations,
             metric: self.metric.clone(),
             floor,
             floor_sd,
@@ -56,14 +61,13 @@ impl Reference {
             misfit_limit: self.limits.misfit,
             deviation_limit: self.limits.deviation,
             mean: self.mean.clone(),
-            deviations: self.metric.covariance().diagonal().iter().map(|v| v.sqrt()).collect(),
         }
     }
 
     /// The fitted model judged by itself: its numbers redrawn from their posterior.
     pub(super) fn own(&self, fit: &mut Fit, data: &DVector<f64>) -> Result<Own> {
         self.evaluate(fit, data, MEAN)?;
-        self.derive(fit, SOME)?;
+        self.derive(fit, SOME, Secant::Around)?;
         let redrawn = self.redrawn(fit)?;
         let mean = fit.mean.clone();
         let each: Vec<DVector<f64>> = redrawn.iter().map(|r| r.vector.clone()).collect();
@@ -86,6 +90,7 @@ impl Reference {
             misfit_limit: (1.1 * gamma_limit(&squares)).max(self.limits.misfit),
             deviation_limit: (1.15 * highest).max(self.limits.deviation),
             deviations: missed(&metric, &redrawn, &mean),
+            additive: roots(&Metric::new(&self.noise, fit.directions(self)).covariance()),
             metric,
             mean,
         })
@@ -126,6 +131,10 @@ fn missed(metric: &Metric, redrawn: &[Redrawn], mean: &DVector<f64>) -> Vec<f64>
         (square * (1.0 + 1.0 / MEAN as f64)).max(linear[(j, j)]).sqrt()
     };
     (0..linear.nrows()).map(of_knob).collect()
+}
+
+fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
+    covariance.diagonal().iter().map(|v| v.sqrt()).collect()
 }
 
 fn centre(values: &[f64]) -> (f64, f64) {

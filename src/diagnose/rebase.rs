@@ -21,6 +21,9 @@ const TRUST: f64 = 0.45;
 /// Relative uncertainty of a number before the data are seen: what they do not show stays as it was.
 const PRIOR: f64 = 1.0;
 
+/// Length of a step, in deviations of what the set tells, after which no other is taken.
+const SMALL: f64 = 0.5;
+
 /// A statistic further off than this many deviations counts as this far: one effect that is missing
 /// must not bend every number.
 const USUAL: f64 = 6.0;
@@ -47,11 +50,11 @@ pub(super) fn rebased(setup: &Setup, camera: &Camera, data: &DVector<f64>, seed:
         } else if step > 3 {
             break;
         }
-        let moved = wanted(setup, &model, &each, &sd, &z, seed)?;
-        if moved.iter().all(|m| m.abs() < 2e-3) {
-            break;
-        }
+        let (moved, length) = wanted(setup, &model, &each, &sd, &z, seed)?;
         camera = model.sample(moved.as_slice(), &[], setup.scenes.len())?.camera;
+        if length < SMALL {
+            return Ok(camera);
+        }
     }
     Ok(best_camera)
 }
@@ -66,7 +69,7 @@ fn deviation(each: &[DVector<f64>], mean: &DVector<f64>, j: usize) -> f64 {
     (each.iter().map(|v| (v[j] - mean[j]).powi(2)).sum::<f64>() / (each.len() - 1) as f64).sqrt()
 }
 
-/// The robust Gauss-Newton step.
+/// The robust Gauss-Newton step, and its length in its own deviations.
 fn wanted(
     setup: &Setup,
     model: &Model,
@@ -74,7 +77,7 @@ fn wanted(
     sd: &[f64],
     z: &DVector<f64>,
     seed: u64,
-) -> Result<DVector<f64>> {
+) -> Result<(DVector<f64>, f64)> {
     let n = model.knobs.len();
     let column = |j: usize| -> Result<DVector<f64>> {
         let mut u = vec![0.0; n];
@@ -91,6 +94,8 @@ fn wanted(
     let j = DMatrix::from_columns(&columns);
     let off = z.map(|z| z * (USUAL / z.abs().max(1e-9)).min(1.0).sqrt());
     let information = j.transpose() * &j + DMatrix::identity(n, n) / (PRIOR * PRIOR);
-    let step = information.lu().solve(&(j.transpose() * off)).unwrap_or_else(|| DVector::zeros(n));
-    Ok(step.map(|s| s.clamp(-TRUST, TRUST)))
+    let wanted = information.clone().lu().solve(&(j.transpose() * off)).unwrap_or_else(|| DVector::zeros(n));
+    let step = wanted.map(|s| s.clamp(-TRUST, TRUST));
+    let length = step.dot(&(information * &step)).sqrt();
+    Ok((step, length))
 }

@@ -21,8 +21,9 @@ const FIXED: usize = 80;
 /// Simulations with the fitted numbers redrawn from their posterior.
 const REDRAWN: usize = 120;
 
-/// Simulations for a derivative.
-const DERIVATIVE: usize = 16;
+/// Simulations for a derivative, on a small sensor and on one of this many pixels, where each tells as much as several.
+const DERIVATIVE: [usize; 2] = [16, 8];
+const LARGE: usize = 20_000;
 
 /// Simulations of the half that judges, where one set is cut in two.
 const HALVES: usize = 24;
@@ -250,6 +251,10 @@ pub(super) fn average(vectors: &[DVector<f64>]) -> DVector<f64> {
     sum / vectors.len() as f64
 }
 
+fn pairs(setup: &Setup) -> usize {
+    DERIVATIVE[usize::from(setup.geometry.pixels() >= LARGE)]
+}
+
 /// Steps for derivatives of base knobs, relative to their values.
 const STEP: f64 = 0.05;
 
@@ -269,8 +274,8 @@ fn base_jacobian(
         let change = |i: usize| -> Result<DVector<f64>> {
             Ok(DVector::from_vec(setup.values(&sample, seed + i as u64)?) - &baseline[i])
         };
-        let all = (0..DERIVATIVE).into_par_iter().map(change).collect::<Result<Vec<_>>>()?;
-        Ok(quiet(average(&all), spread, DERIVATIVE) / u[j])
+        let all = (0..pairs(setup)).into_par_iter().map(change).collect::<Result<Vec<_>>>()?;
+        Ok(quiet(average(&all), spread, all.len()) / u[j])
     };
     let columns = (0..n).into_par_iter().map(one).collect::<Result<Vec<_>>>()?;
     Ok(DMatrix::from_columns(&columns))
@@ -296,7 +301,7 @@ fn lamp_columns(setup: &Setup, model: &Model, seed: u64, entries: usize) -> Resu
         }
         Ok(columns)
     };
-    let all = (0..DERIVATIVE).into_par_iter().map(change).collect::<Result<Vec<_>>>()?;
+    let all = (0..pairs(setup)).into_par_iter().map(change).collect::<Result<Vec<_>>>()?;
     let column = |k: usize| average(&all.iter().map(|c| c[k].clone()).collect::<Vec<_>>());
     Ok(DMatrix::from_columns(&(0..model.lamps.len()).map(column).collect::<Vec<_>>()))
 }
