@@ -48,6 +48,19 @@ fn a_changed_bit_is_found() {
 }
 
 #[test]
+fn a_backend_that_the_environment_misspells_is_refused() {
+    let place = Place::new();
+    let line = "simulate --source chart --width 32 --height 24 --readouts 20 -o good";
+    let output = place.command(line).env("SPIKELANE_BACKEND", "avx3").output().unwrap();
+    let ran = Ran::of(line, output);
+    assert_eq!(ran.code, 2, "{}", ran.stderr);
+    for word in ["SPIKELANE_BACKEND", "\"avx3\"", "avx512"] {
+        assert!(ran.stderr.contains(word), "{}", ran.stderr);
+    }
+    assert!(place.names().is_empty());
+}
+
+#[test]
 fn a_geometry_that_does_not_divide_the_file_is_refused() {
     let place = with_stream();
     place.refused("inspect good.dat --width 33 --height 24 --layout dat", 4, &["good.dat", "multiple of 99"]);

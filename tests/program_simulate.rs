@@ -99,6 +99,18 @@ fn a_camera_that_drops_readouts_still_fills_the_file() {
 }
 
 #[test]
+fn a_clean_twin_of_an_earlier_run_is_pointed_at() {
+    let place = Place::new();
+    let line = format!("simulate --source chart {SMALL} -o a --force");
+    assert!(!place.good(&line).stderr.contains("a.clean.dat"));
+    place.good(&format!("{line} --clean"));
+    let before = place.read("a.clean.dat");
+    let ran = place.good(&line);
+    assert!(ran.stderr.contains("a.clean.dat is of an earlier run"), "{}", ran.stderr);
+    assert_eq!(place.read("a.clean.dat"), before);
+}
+
+#[test]
 fn seeds_move_what_is_theirs_and_a_clean_twin_shares_the_start_phase() {
     let place = Place::new();
     // Dead light and no noise but the phase: what is left is the phase itself.

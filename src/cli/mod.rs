@@ -32,6 +32,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use spikelane::Result;
+use spikelane::kernels::Backend;
 
 use output::Out;
 
@@ -76,7 +77,8 @@ enum Command {
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let out = Out::new(cli.json);
-    match dispatch(cli.command, &out) {
+    // The library falls back to the fastest; who asks for a backend by name wants that one.
+    match Backend::from_environment().and_then(|_| dispatch(cli.command, &out)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             out.error(&error);

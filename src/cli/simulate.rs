@@ -247,6 +247,12 @@ fn report(job: &Run, o: &Outcome, sidecar: &Sidecar, names: &Names, seconds: f64
         if streams == 1 { "stream" } else { "streams" },
         o.synced.as_secs_f64(),
     ));
+    if o.clean.is_none() && names.clean.exists() {
+        let left = names.clean.display();
+        out.say(format_args!(
+            "note: {left} is of an earlier run and was left as it was; --clean makes a new one"
+        ));
+    }
     if let Some(wanted) = job.readouts.filter(|&n| n > o.readouts) {
         out.say(format_args!("note: the input ended after {} of {wanted} readouts", o.readouts));
     }

@@ -19,6 +19,10 @@ const WHOLE: f64 = 0.95;
 /// events a recording holds, which is what its own sensors differ by.
 const STRANGE: f64 = 10.0;
 
+/// The same for a model that leaves more than a hundredth of what there was: what the catalogue holds left that much of strong effects
+/// or that many times the gap of its own sensors, never both.
+const POOR: (f64, f64) = (3.0, 0.99);
+
 /// Relative deviation below which a known number is not worth a word.
 const WORTH: f64 = 0.02;
 
@@ -167,7 +171,7 @@ pub(super) fn outcome(
     let interval = |j: usize| parameter(found, j);
     let left = reference.allowing(&found.fit.events)?.square(&(data - &found.fit.mean));
     let whole = (found.train[0] - left) / (found.train[0] - found.own.allowed_floor).max(1.0);
-    let strange = found.train.last().is_some_and(|last| *last > STRANGE * found.own.floor);
+    let strange = strange(&found.train, found.own.floor);
     let (mut effects, mut misfits) = (Vec::new(), Vec::new());
     for (i, (name, _)) in found.fit.effects.iter().enumerate() {
         let round = found.rounds.iter().find(|r| r.accepted && r.winner == *name);
@@ -228,6 +232,13 @@ pub(super) fn outcome(
         camera,
         traces: traces(reference, found, data),
     })
+}
+
+/// Whether a model whose own sensors have the gap `floor` is a stranger to data that it brought from the first gap to the last.
+fn strange(gaps: &[f64], floor: f64) -> bool {
+    let [first, .., last] = gaps else { return false };
+    let explained = (first - last) / (first - floor).max(1.0);
+    *last > STRANGE * floor || (*last > POOR.0 * floor && explained < POOR.1)
 }
 
 fn parameter(found: &Found, j: usize) -> Parameter {
@@ -301,5 +312,19 @@ fn traces(reference: &Reference, found: &Found, data: &nalgebra::DVector<f64>) -
         tournament: found.rounds.iter().map(entrants).collect(),
         steps: found.rounds.iter().map(|r| (r.winner, r.accepted)).collect(),
         pictures: Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::strange;
+
+    #[test]
+    fn a_model_is_a_stranger_where_it_leaves_much_in_its_own_terms_and_in_the_datas() {
+        assert!(!strange(&[1000.0], 10.0), "nothing was added");
+        assert!(strange(&[1e6, 3e4, 2100.0], 200.0), "ten times its own gap");
+        assert!(!strange(&[1e6, 1500.0], 200.0), "a thousandth is left");
+        assert!(strange(&[1e6, 6e4], 15e3), "four times its own gap, and a twentieth");
+        assert!(!strange(&[1e4, 500.0], 200.0), "a twentieth, but hardly more than its own gap");
     }
 }

@@ -57,12 +57,20 @@ impl Backend {
         }
     }
 
+    /// The backend that the environment variable `SPIKELANE_BACKEND` names, if it is set.
+    ///
+    /// # Errors
+    /// When there is none of that name.
+    pub fn from_environment() -> Result<Option<Self>> {
+        let Some(name) = std::env::var_os(ENVIRONMENT) else { return Ok(None) };
+        Self::parse(&name.to_string_lossy()).map(Some).map_err(|e| e.within(ENVIRONMENT))
+    }
+
     /// The fastest backend of this CPU, or the one that the environment
     /// variable `SPIKELANE_BACKEND` names, if the CPU has it.
     #[must_use]
     pub fn best() -> Self {
-        let named = std::env::var(ENVIRONMENT).ok();
-        let forced = named.and_then(|n| Self::parse(&n).ok()).filter(|b| b.available());
+        let forced = Self::from_environment().ok().flatten().filter(|b| b.available());
         forced.unwrap_or_else(|| {
             let fastest = Self::ALL.into_iter().rev().find(|b| b.available());
             fastest.unwrap_or(Self::Portable)
