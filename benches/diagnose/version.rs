@@ -1,7 +1,7 @@
 //! Which code judged a sensor: results of two versions must not share a table.
 
 /// What decides on a diagnosis, and what makes the sensors.
-const SOURCES: [&str; 29] = [
+const SOURCES: [&str; 30] = [
     include_str!("../../src/diagnose/bits.rs"),
     include_str!("../../src/diagnose/candidates.rs"),
     include_str!("../../src/diagnose/edges.rs"),
@@ -21,6 +21,7 @@ const SOURCES: [&str; 29] = [
     include_str!("../../src/diagnose/scan.rs"),
     include_str!("../../src/diagnose/search.rs"),
     include_str!("../../src/diagnose/setup.rs"),
+    include_str!("../../src/diagnose/slope.rs"),
     include_str!("../../src/diagnose/spread.rs"),
     include_str!("../../src/diagnose/still.rs"),
     include_str!("../../src/diagnose/time.rs"),

@@ -1,13 +1,12 @@
 //! Fitting effects to a set: Gauss-Newton over simulated means, in a region of trust.
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
 use super::candidates::Candidate;
 use super::metric::{Bound, Metric, Noise};
 use super::model::{Model, Scale};
-use super::quiet::quiet;
 use super::reference::{Reference, average};
+use super::slope::Secant;
 use crate::error::Result;
 
 /// A model with effects, fitted.
@@ -53,7 +52,7 @@ impl Likelihood {
 
 /// How strongly a number of the base model is drawn back to its calibrated value: as by a measurement to a half of it.
 /// Without that, two that the set hardly tells apart, such as the spreads of gain and of threshold, wander.
-const LEANING: f64 = 4.0;
+pub(super) const LEANING: f64 = 4.0;
 
 /// Simulations that the null's variances count for beside a model's own few.
 const PRIOR: f64 = 10.0;
@@ -61,10 +60,6 @@ const PRIOR: f64 = 10.0;
 /// Ratio of variances from which on a model's own are believed: three deviations of a ratio of one
 /// with [`PRIOR`] and eight simulations.
 const WIDER: f64 = 1.6;
-
-/// Deviations of its noise, at worst, from which on a change is one, and simulations that can show it.
-const MOVED: f64 = 2.0;
-const ENOUGH: usize = 6;
 
 impl Fit {
     /// The base model.
@@ -105,7 +100,7 @@ impl Fit {
     }
 
     /// Number of base knobs.
-    fn base_knobs(&self) -> usize {
+    pub fn base_knobs(&self) -> usize {
         self.u.len() - self.effects.iter().map(|e| e.1).sum::<usize>()
     }
 
@@ -165,6 +160,16 @@ impl Fit {
         (0..self.u.len()).map(bound).collect()
     }
 
+    /// What is known of every number beforehand, as information: of the base model's by calibration, of an effect's that it
+    /// lies anywhere in its range.
+    pub fn known(&self) -> Vec<f64> {
+        let of_effect = |j: usize| {
+            let knob = self.model.knobs[j];
+            12.0 / (knob.position(knob.range.1) - knob.position(knob.range.0)).powi(2)
+        };
+        (0..self.u.len()).map(|j| if j < self.base_knobs() { LEANING } else { of_effect(j) }).collect()
+    }
+
     /// With the base model's numbers as they were calibrated: they may have moved to take in what is added now.
     pub fn with_calibrated_base(&self) -> Self {
         let mut next = self.clone();
@@ -183,34 +188,8 @@ impl Fit {
     }
 }
 
-/// A step by which a knob's derivative is taken.
-fn step(scale: Scale, u: f64) -> f64 {
-    match scale {
-        Scale::Log | Scale::Kept => 0.35,
-        _ => (0.4 * u.abs()).max(0.4),
-    }
-}
-
-/// Between which positions a derivative is taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Secant {
-    /// From where the fit stands: half the simulations. Where an effect sets in late its slope is too steep by then, and steps
-    /// back are short.
-    Ahead,
-    /// To both sides.
-    Around,
-}
-
-/// Ends of a secant of length `h`.
-fn ends(u: f64, h: f64, secant: Secant) -> [f64; 2] {
-    match secant {
-        Secant::Ahead => [u, u + h],
-        Secant::Around => [u - 0.5 * h, u + 0.5 * h],
-    }
-}
-
 /// Furthest that a knob moves in one round.
-fn trust(scale: Scale, u: f64) -> f64 {
+pub(super) fn trust(scale: Scale, u: f64) -> f64 {
     match scale {
         Scale::Log | Scale::Kept => 0.8,
         _ => (0.7 * u.abs()).max(0.8),
@@ -277,56 +256,6 @@ impl Reference {
             if ratio > WIDER { ratio.sqrt() } else { 1.0 }
         };
         (0..self.spread.len()).map(factor).collect()
-    }
-
-    /// Statistics that all effects together hardly move: a derivative there is noise, which a part of a step cannot tell but all of it can.
-    fn unmoved(&self, fit: &Fit) -> Vec<usize> {
-        let n = fit.each.len();
-        if n < ENOUGH {
-            return Vec::new();
-        }
-        let change = average(&fit.each) - average(&self.baseline[..n]);
-        let limit = MOVED * (2.0 / n as f64).sqrt();
-        (0..change.len()).filter(|i| change[*i].abs() < limit * self.spread[*i]).collect()
-    }
-
-    /// Derivatives by the effects' knobs, with the draws of the fit's own simulations.
-    pub(super) fn derive(&self, fit: &mut Fit, count: usize, secant: Secant) -> Result<()> {
-        let base = fit.base_knobs();
-        let still = self.unmoved(fit);
-        let column = |j: usize| -> Result<DVector<f64>> {
-            let knob = fit.model.knobs[j];
-            let h = step(knob.scale, fit.u[j]);
-            let [mut low, mut high] = ends(fit.u[j], h, secant).map(|u| knob.clamped(u));
-            if high - low < 0.5 * h {
-                (low, high) = (knob.clamped(high - h), high);
-            }
-            if low == high {
-                // Held by its range.
-                return Ok(DVector::zeros(fit.mean.len()));
-            }
-            let count = count.min(fit.each.len());
-            let at = |end: f64| -> Result<Vec<DVector<f64>>> {
-                if end == fit.u[j] {
-                    return Ok(fit.each.clone());
-                }
-                let mut u = fit.u.clone();
-                u[j] = end;
-                Ok(self.mean_of(&fit.model, &u, count, Vec::new())?.each)
-            };
-            let (from, to) = (at(low)?, at(high)?);
-            let change: Vec<_> = to.iter().zip(&from).map(|(a, b)| a - b).take(count).collect();
-            let mut plain = quiet(average(&change), &self.spread, change.len());
-            still.iter().for_each(|i| plain[*i] = 0.0);
-            Ok(plain / (high - low))
-        };
-        let columns = (base..fit.u.len()).into_par_iter().map(column).collect::<Result<Vec<_>>>()?;
-        fit.jacobian = if columns.is_empty() {
-            DMatrix::zeros(fit.mean.len(), 0)
-        } else {
-            DMatrix::from_columns(&columns)
-        };
-        Ok(())
     }
 
     /// Gauss-Newton from where `fit` stands, `rounds` at most, each mean from `count` simulations.

@@ -1,5 +1,6 @@
 //! What a fitted number may truly be.
 
+use super::fit::LEANING;
 use super::model::Scale;
 
 /// Quantile of Student's law for 95 % intervals: a deviation is known from thirty simulations.
@@ -25,6 +26,11 @@ pub(super) fn interval(scale: Scale, u: f64, deviation: f64, additive: f64) -> [
     let root = |kept: f64| (u * u - kept * beyond).max(0.0).sqrt();
     let kept = (1.0 - share).max(OPEN);
     [beyond / (u + root(1.0 - share)), (u + root(kept)) / kept]
+}
+
+/// The deviation of a number of the base model by the data alone, of one by the data and what was known of it.
+pub(super) fn of_data(deviation: f64) -> f64 {
+    (deviation.powi(-2) - LEANING).max(1e-6).powf(-0.5)
 }
 
 #[cfg(test)]
@@ -55,5 +61,11 @@ mod tests {
         let [low, high] = interval(Scale::Square, 10.0, 9.0, 0.0);
         assert!((low - 10.0 / (1.0 + INTERVAL * 0.9)).abs() < 1e-9, "{low}");
         assert!((55.0..65.0).contains(&high), "{high}");
+    }
+
+    #[test]
+    fn what_data_and_knowledge_tell_without_the_knowledge_is_what_data_tell() {
+        assert!((of_data((LEANING + 25.0).powf(-0.5)) - 0.2).abs() < 1e-12);
+        assert!(of_data(LEANING.powf(-0.5)) > 100.0, "nothing by the data");
     }
 }

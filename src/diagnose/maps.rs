@@ -12,8 +12,11 @@ const NEAREST: usize = 4;
 /// Robust standard deviations from the median beyond which a pixel is not one of the others.
 const FAR: f64 = 5.0;
 
+/// Pixels far off from which on it tells half of what it can how far they are: one or two of them are no news.
+const FEW: f64 = 9.0;
+
 /// Names of one map's statistics.
-struct Names([&'static str; 24]);
+struct Names([&'static str; 26]);
 
 macro_rules! names {
     ($map:literal) => {
@@ -25,6 +28,8 @@ macro_rules! names {
             concat!("lower tail of ", $map),
             concat!("pixels far above, ", $map),
             concat!("pixels far below, ", $map),
+            concat!("how far above, ", $map),
+            concat!("how far below, ", $map),
             concat!("column means, ", $map),
             concat!("row means, ", $map),
             concat!("largest column mean, ", $map),
@@ -72,6 +77,11 @@ fn map(v: &mut Vector, names: &Names, map: &[f64], width: usize) -> Vec<f64> {
         let beyond = |x: &&f64| sign * (*x - spread.median()) > FAR * spread.sd();
         map.iter().filter(beyond).count() as f64
     };
+    let how_far = |sign: f64| {
+        let beyond =
+            map.iter().map(|x| sign * (x - spread.median()) / (FAR * spread.sd())).filter(|z| *z > 1.0);
+        beyond.map(f64::ln).sum::<f64>() / (FEW + far(sign))
+    };
     // Pixels far off are counted. As they come near a hundredth, that quantile would jump from the others to them.
     let near = |x: &&f64| (*x - spread.median()).abs() <= FAR * spread.sd();
     let body = Spread::of(&map.iter().filter(near).copied().collect::<Vec<f64>>());
@@ -83,6 +93,8 @@ fn map(v: &mut Vector, names: &Names, map: &[f64], width: usize) -> Vec<f64> {
         (ln(body.lower_tail()), 4e-3),
         counted(far(1.0)),
         counted(far(-1.0)),
+        (how_far(1.0), 0.08),
+        (how_far(-1.0), 0.08),
     ];
     let columns: Vec<f64> =
         (0..width).map(|c| z.iter().skip(c).step_by(width).sum::<f64>() / height as f64).collect();

@@ -123,6 +123,14 @@ impl Metric {
         Self { noise: noise.clone(), directions, weighted, information }
     }
 
+    /// The same with every position known beforehand, by so much information.
+    pub fn knowing(mut self, weights: &[f64]) -> Self {
+        for (i, weight) in weights.iter().enumerate() {
+            self.information[(i, i)] += weight;
+        }
+        self
+    }
+
     /// Best positions along the directions, and their covariance.
     pub fn fit(&self, off: &DVector<f64>) -> DVector<f64> {
         let right = self.weighted.transpose() * off;
@@ -236,5 +244,15 @@ mod tests {
         let off = DVector::from_vec(vec![1.0, 1.0, 0.3]);
         let found = blind.bounded(&off, &[FREE, Bound { leans: -0.4, weight: 4.0, ..FREE }]);
         assert!((found[1] + 0.4).abs() < 1e-6 && (found[0] - 1.0).abs() < 1e-5, "{found}");
+    }
+
+    #[test]
+    fn a_number_that_nothing_tells_is_as_uncertain_as_it_was() {
+        let mut blind = metric();
+        blind.directions.column_mut(1).fill(0.0);
+        let blind = Metric::new(&blind.noise, blind.directions).knowing(&[0.0, 4.0]);
+        let covariance = blind.covariance();
+        // But for the millionth and the billionth that every diagonal gets.
+        assert!((covariance[(0, 0)] - 1.0).abs() < 1e-5 && (covariance[(1, 1)] - 0.25).abs() < 1e-5);
     }
 }

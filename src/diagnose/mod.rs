@@ -31,6 +31,7 @@ mod scan;
 mod search;
 mod settle;
 mod setup;
+mod slope;
 mod spread;
 mod still;
 mod time;

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::candidates::MISFITS;
-use super::interval::interval;
+use super::interval::{interval, of_data};
 use super::own::MEAN;
 use super::reference::Reference;
 use super::search::{Found, Round};
@@ -241,9 +241,18 @@ fn strange(gaps: &[f64], floor: f64) -> bool {
     *last > STRANGE * floor || (*last > POOR.0 * floor && explained < POOR.1)
 }
 
+impl Found {
+    /// What the data say of a number. Of the base model's, what they say alone: that it was calibrated is no evidence against the
+    /// calibration.
+    fn deviation(&self, j: usize) -> f64 {
+        let deviation = self.own.deviations[j];
+        if j < self.fit.base_knobs() { of_data(deviation) } else { deviation }
+    }
+}
+
 fn parameter(found: &Found, j: usize) -> Parameter {
     let (knob, u) = (found.fit.model.knobs[j], found.fit.u[j]);
-    let ends = interval(knob.scale, u, found.own.deviations[j], found.own.additive[j]);
+    let ends = interval(knob.scale, u, found.deviation(j), found.own.additive[j]);
     let ends = ends.map(|u| knob.value(knob.clamped(u)));
     Parameter { name: knob.key, value: knob.value(u), low: ends[0].min(ends[1]), high: ends[0].max(ends[1]) }
 }
@@ -255,7 +264,7 @@ fn ties(round: Option<&Round>) -> Vec<&'static str> {
 /// Numbers of the given camera that the fit moved.
 fn base_misfits(reference: &Reference, found: &Found, given: &Camera) -> Vec<Misfit> {
     let of_knob = |j: usize| {
-        let (knob, sd, p) = (found.fit.model.knobs[j], found.own.deviations[j], parameter(found, j));
+        let (knob, sd, p) = (found.fit.model.knobs[j], found.deviation(j), parameter(found, j));
         let model = given.effect(knob.effect).and_then(|e| e.get(knob.key).ok()).unwrap_or(knob.centre);
         let off = (p.value - model).abs();
         // A deviation that is as large as the number says nothing about it.

@@ -3,11 +3,12 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::fit::{Fit, Secant};
+use super::fit::{Fit, LEANING, trust};
 use super::metric::Metric;
 use super::model::LAMP;
 use super::reference::{Reference, gamma_limit};
 use super::search::SOME;
+use super::slope::Secant;
 use crate::draws::pattern::Pattern;
 use crate::draws::{Seeds, Stream};
 use crate::error::Result;
@@ -50,7 +51,8 @@ impl Reference {
     pub(super) fn own_of_base(&self) -> Own {
         let lengths: Vec<f64> = self.baseline.iter().map(|b| self.metric.square(&(b - &self.mean))).collect();
         let (floor, floor_sd) = centre(&lengths);
-        let deviations = roots(&self.metric.covariance());
+        let known = vec![LEANING; self.model.knobs.len()];
+        let deviations = roots(&self.metric.clone().knowing(&known).covariance());
         Own {
             additive: deviations.clone(),
             deviations,
@@ -68,12 +70,13 @@ impl Reference {
     pub(super) fn own(&self, fit: &mut Fit, data: &DVector<f64>) -> Result<Own> {
         self.evaluate(fit, data, MEAN)?;
         self.derive(fit, SOME, Secant::Around)?;
-        let redrawn = self.redrawn(fit)?;
+        let known = fit.known();
+        let redrawn = self.redrawn(fit, &known)?;
         let mean = fit.mean.clone();
         let each: Vec<DVector<f64>> = redrawn.iter().map(|r| r.vector.clone()).collect();
         let noise =
             self.own_noise(fit, &each, &mean, each.len() as f64)?.unwrap_or_else(|| self.noise.clone());
-        let metric = Metric::new(&noise, fit.directions(self));
+        let metric = Metric::new(&noise, fit.directions(self)).knowing(&known);
         let squares: Vec<f64> = each.iter().map(|s| metric.square(&(s - &mean))).collect();
         let largest =
             |s: &DVector<f64>| metric.scores(&(s - &mean)).into_iter().fold(0.0_f64, |m, z| m.max(z.abs()));
@@ -90,15 +93,17 @@ impl Reference {
             misfit_limit: (1.1 * gamma_limit(&squares)).max(self.limits.misfit),
             deviation_limit: (1.15 * highest).max(self.limits.deviation),
             deviations: missed(&metric, &redrawn, &mean),
-            additive: roots(&Metric::new(&self.noise, fit.directions(self)).covariance()),
+            additive: roots(&Metric::new(&self.noise, fit.directions(self)).knowing(&known).covariance()),
             metric,
             mean,
         })
     }
 
-    fn redrawn(&self, fit: &Fit) -> Result<Vec<Redrawn>> {
+    /// Numbers that the set hardly tells are redrawn as far as a linear step is trusted: beyond, the errors of the linear fit are
+    /// not those of the fit.
+    fn redrawn(&self, fit: &Fit, known: &[f64]) -> Result<Vec<Redrawn>> {
         let lamps = self.model.lamps.len();
-        let rough = Metric::new(&self.noise, fit.directions(self));
+        let rough = Metric::new(&self.noise, fit.directions(self)).knowing(known);
         let n = fit.u.len();
         let root = rough.covariance().cholesky().map_or_else(|| DMatrix::zeros(n, n), |c| c.l());
         let one = |i: usize| -> Result<Redrawn> {
@@ -108,7 +113,11 @@ impl Reference {
             let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
             let wanted = &root * draw(n);
             let off = draw(lamps) * LAMP;
-            let u: Vec<f64> = (0..n).map(|j| fit.model.knobs[j].clamped(fit.u[j] + wanted[j])).collect();
+            let place = |j: usize| {
+                let (knob, most) = (fit.model.knobs[j], trust(fit.model.knobs[j].scale, fit.u[j]));
+                knob.clamped(fit.u[j] + wanted[j].clamp(-most, most))
+            };
+            let u: Vec<f64> = (0..n).map(place).collect();
             let sample = fit.model.sample(&u, off.as_slice(), self.setup.scenes.len())?;
             let moved = DVector::from_fn(n, |j, _| u[j] - fit.u[j]);
             Ok(Redrawn { moved, vector: DVector::from_vec(self.setup.values(&sample, seed)?) })

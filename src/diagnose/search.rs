@@ -189,13 +189,13 @@ impl Reference {
         if starts.is_empty() {
             return Ok(None);
         }
+        // Which start is nearer shows at the end: where base numbers took in what is added now, that place costs less at first.
         let enter = |(_, from): &(&str, Vec<Fit>)| {
-            let evaluated = |mut fit: Fit| self.evaluate(&mut fit, data, FEW).map(|()| fit);
-            let from = from.iter().cloned().map(evaluated).collect::<Result<Vec<_>>>()?;
-            let best = from.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
-            best.map(|best| self.refine(best, data, ROUNDS_OF_ENTRANTS, FEW)).transpose()
+            let refined = from.par_iter().map(|f| self.refine(f.clone(), data, ROUNDS_OF_ENTRANTS, FEW));
+            let refined = refined.collect::<Result<Vec<_>>>()?;
+            Ok(refined.into_iter().min_by(|a, b| a.price().total_cmp(&b.price())))
         };
-        let fits = starts.par_iter().map(enter).collect::<Result<Vec<_>>>()?;
+        let fits = starts.par_iter().map(enter).collect::<Result<Vec<Option<Fit>>>>()?;
         let mut fits: Vec<Fit> = fits.into_iter().flatten().collect();
         fits.sort_by(|a, b| a.price().total_cmp(&b.price()));
         // Near the front, once more and with less noise.
