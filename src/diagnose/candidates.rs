@@ -74,7 +74,7 @@ const CATALOGUE: &[Entry] = entries! {
     "saturation_clamp": amplitude("largest_charge", (1.0, 2.0), &[1.7, 1.3]);
     "dark_tail": deviation("log_sigma", (0.0, 1.5), &[0.2, 0.5]);
     "gain_dark_correlation": amplitude("correlation", (-1.0, 1.0), &[0.3, -0.3]);
-    "edge_columns": amplitude("factor", (0.3, 3.0), &[1.02, 1.1]);
+    "edge_columns": amplitude("factor", (0.3, 3.0), &[1.02, 1.1, 1.4, 0.9]);
 };
 
 /// Effects whose numbers belong to the base model: another value is a misfit of it.

@@ -177,7 +177,10 @@ pub(super) fn outcome(
         let round = found.rounds.iter().find(|r| r.accepted && r.winner == *name);
         let parameters: Vec<Parameter> = found.fit.knobs_of(i).map(interval).collect();
         let tied_with = ties(round);
-        if let (true, Some(p)) = (MISFITS.contains(name), parameters.first()) {
+        let share = round.map_or(0.0, |r| r.share);
+        let resembles = found.left && (share < 0.5 || whole < WHOLE || strange);
+        // A number of the base model that only resembles what is there is no wrong number.
+        if let (true, false, Some(p)) = (MISFITS.contains(name), resembles, parameters.first()) {
             let knob = found.fit.model.knobs[found.fit.knobs_of(i).start];
             misfits.push(Misfit {
                 parameter: format!("{name}.{}", p.name),
@@ -189,7 +192,6 @@ pub(super) fn outcome(
             });
             continue;
         }
-        let share = round.map_or(0.0, |r| r.share);
         let after = found.train.get(i + 1).copied().unwrap_or(0.0);
         let evidence = format!(
             "the misfit goes from {:.0} to {after:.0} ({:.0} held out: {:.0})",
@@ -197,7 +199,6 @@ pub(super) fn outcome(
             found.heldout.get(i).copied().unwrap_or(0.0),
             found.heldout.get(i + 1).copied().unwrap_or(0.0),
         );
-        let resembles = found.left && (share < 0.5 || whole < WHOLE || strange);
         effects.push(FoundEffect { name, parameters, tied_with, resembles, evidence });
     }
     if let Some(given) = given {
