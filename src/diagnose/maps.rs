@@ -73,17 +73,16 @@ fn map(v: &mut Vector, names: &Names, map: &[f64], width: usize) -> Vec<f64> {
     let z = standard(map, &spread);
     let n = map.len() as f64;
     let height = map.len() / width;
+    let limit = FAR * spread.sd();
+    // How many pixels are beyond the limit, and how far.
     let far = |sign: f64| {
-        let beyond = |x: &&f64| sign * (*x - spread.median()) > FAR * spread.sd();
-        map.iter().filter(beyond).count() as f64
+        let beyond = map.iter().map(|x| sign * (x - spread.median())).filter(|off| *off > limit);
+        let (count, sum) = beyond.fold((0.0, 0.0), |(n, sum), off| (n + 1.0, sum + (off / limit).ln()));
+        (count, sum / (FEW + count))
     };
-    let how_far = |sign: f64| {
-        let beyond =
-            map.iter().map(|x| sign * (x - spread.median()) / (FAR * spread.sd())).filter(|z| *z > 1.0);
-        beyond.map(f64::ln).sum::<f64>() / (FEW + far(sign))
-    };
+    let (above, below) = (far(1.0), far(-1.0));
     // Pixels far off are counted. As they come near a hundredth, that quantile would jump from the others to them.
-    let near = |x: &&f64| (*x - spread.median()).abs() <= FAR * spread.sd();
+    let near = |x: &&f64| (*x - spread.median()).abs() <= limit;
     let body = Spread::of(&map.iter().filter(near).copied().collect::<Vec<f64>>());
     let mut values = vec![
         (ln(spread.median()), 1e-4),
@@ -91,10 +90,10 @@ fn map(v: &mut Vector, names: &Names, map: &[f64], width: usize) -> Vec<f64> {
         (spread.skew(), 2e-3),
         (ln(body.upper_tail()), 4e-3),
         (ln(body.lower_tail()), 4e-3),
-        counted(far(1.0)),
-        counted(far(-1.0)),
-        (how_far(1.0), 0.08),
-        (how_far(-1.0), 0.08),
+        counted(above.0),
+        counted(below.0),
+        (above.1, 0.08),
+        (below.1, 0.08),
     ];
     let columns: Vec<f64> =
         (0..width).map(|c| z.iter().skip(c).step_by(width).sum::<f64>() / height as f64).collect();
