@@ -170,6 +170,24 @@ fn a_calibrated_camera_has_the_rates_of_the_first() {
 }
 
 #[test]
+fn threads_change_no_number_of_a_calibration() {
+    let (_folder, path) = record(&flats(&[0.0, 0.04, 0.1, 0.3, 0.6, 0.8], 4000));
+    let of_threads = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let of_set = || {
+            let observed = observe(&RecordingSet::open(&path).unwrap(), &mut |_, _| {}).unwrap();
+            calibrate(&observed, &Options::default()).unwrap()
+        };
+        format!("{:?}", pool.install(of_set))
+    };
+    let alone = of_threads(1);
+    // Sums that follow whoever takes the work differ from run to run, not in each.
+    for _ in 0..4 {
+        assert!(alone == of_threads(3), "three threads calibrate otherwise than one");
+    }
+}
+
+#[test]
 fn the_papers_estimator_lands_on_its_box() {
     let truth = pixels(&PUBLISHED, 24, 1);
     let levels = (0..25)

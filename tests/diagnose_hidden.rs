@@ -67,6 +67,19 @@ fn a_hidden_effect_is_named_and_the_gap_shrinks() {
 }
 
 #[test]
+fn threads_change_no_number() {
+    let of_threads = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut found = pool.install(|| of(Some(("dead_pixels", 0.02)), 41));
+        found.seconds = 0.0;
+        format!("{found:?}")
+    };
+    let alone = of_threads(1);
+    assert!(alone.contains("dead_pixels"), "{alone}");
+    assert_eq!(alone, of_threads(3));
+}
+
+#[test]
 fn what_no_catalogue_holds_is_called_unknown() {
     let found = of(Some(("two-tap parity", 0.02)), 31);
     assert!(matches!(found.verdict, Verdict::Unknown | Verdict::PartlyExplained), "{:?}", found.verdict);

@@ -7,22 +7,27 @@ use super::result::Redrawn;
 use super::solve::solve;
 use crate::measure::Estimate;
 
+/// Pixels whose equations one thread adds up.
+const PART: usize = 512;
+
 impl Fitter<'_> {
     /// Deviations of the light levels, shared by all pixels: Gauss-Newton with every pixel's
     /// line eliminated, and the stated uncertainty as prior.
     pub(super) fn fit_levels(&mut self, test: bool) {
         let k = self.observed.levels.len() + usize::from(test);
-        let zero = || (vec![0.0; k * k], vec![0.0; k]);
-        let merge = |mut a: (Vec<f64>, Vec<f64>), b: (Vec<f64>, Vec<f64>)| {
-            a.0.iter_mut().zip(&b.0).for_each(|(x, y)| *x += y);
-            a.1.iter_mut().zip(&b.1).for_each(|(x, y)| *x += y);
-            a
-        };
-        let add = |mut sums: (Vec<f64>, Vec<f64>), p: usize| {
-            self.add_pixel(p, test, k, &mut sums);
+        // Parts of equal size, added in their order: a sum must not depend on which thread took what.
+        let of_part = |part: usize| {
+            let mut sums = (vec![0.0; k * k], vec![0.0; k]);
+            let end = ((part + 1) * PART).min(self.fits.len());
+            (part * PART..end).for_each(|p| self.add_pixel(p, test, k, &mut sums));
             sums
         };
-        let (mut h, mut g) = (0..self.fits.len()).into_par_iter().fold(zero, add).reduce(zero, merge);
+        let parts: Vec<_> = (0..self.fits.len().div_ceil(PART)).into_par_iter().map(of_part).collect();
+        let (mut h, mut g) = (vec![0.0; k * k], vec![0.0; k]);
+        for part in &parts {
+            h.iter_mut().zip(&part.0).for_each(|(x, y)| *x += y);
+            g.iter_mut().zip(&part.1).for_each(|(x, y)| *x += y);
+        }
         for (i, level) in self.observed.levels.iter().enumerate() {
             // The dark is dark: its prior is a thousand times tighter than any other level's.
             let sd = self.light_uncertainty * if level.light == 0.0 { 1e-9 } else { level.light };

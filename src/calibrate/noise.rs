@@ -138,9 +138,9 @@ impl Fitter<'_> {
                 let [charge, unit] = self.unit_noise(*p, level.rate[*p], square.sqrt());
                 [weight(*p) * map[*p] * charge, weight(*p) * unit]
             };
-            let add = |a: [f64; 2], b: [f64; 2]| [a[0] + b[0], a[1] + b[1]];
-            let sums = good.par_iter().map(of_pixel).reduce(|| [0.0; 2], add);
-            [mean, unit] = sums.map(|sum| sum / total);
+            // Added in the pixels' order: a sum must not depend on which thread took what.
+            let each: Vec<[f64; 2]> = good.par_iter().map(of_pixel).collect();
+            [mean, unit] = [0, 1].map(|i| each.iter().map(|both| both[i]).sum::<f64>() / total);
             if level.light == 0.0 {
                 square = (mean / unit).max(1e-16);
             }
