@@ -6,7 +6,7 @@ use super::candidates::Candidate;
 use super::metric::{Bound, Metric, Noise};
 use super::model::{Model, Scale};
 use super::reference::{Reference, average};
-use super::slope::Secant;
+use super::slope::{Secant, Taken};
 use crate::error::Result;
 
 /// A model with effects, fitted.
@@ -23,6 +23,7 @@ pub(super) struct Fit {
     at: Vec<f64>,
     /// Changes per unit of the effects' knobs.
     pub jacobian: DMatrix<f64>,
+    pub(super) taken: Taken,
     /// Changes per standard deviation of the numbers of events.
     pub events: DMatrix<f64>,
     /// Squared distance to the data by the first null's noise, calibration projected out.
@@ -54,6 +55,11 @@ impl Likelihood {
 /// Without that, two that the set hardly tells apart, such as the spreads of gain and of threshold, wander.
 pub(super) const LEANING: f64 = 4.0;
 
+/// What a step must promise to be simulated, as a fall of the cost and as a share of it; one that moves a number of the base model by
+/// as much always is, as the cost allows for any of theirs.
+const WORTH: (f64, f64) = (0.5, 0.003);
+const WORTH_OF_BASE: f64 = 0.1;
+
 /// Simulations that the null's variances count for beside a model's own few.
 const PRIOR: f64 = 10.0;
 
@@ -73,6 +79,7 @@ impl Fit {
             each: reference.baseline.clone(),
             at: Vec::new(),
             jacobian: DMatrix::zeros(data.len(), 0),
+            taken: Taken::default(),
             events: DMatrix::zeros(data.len(), 0),
             misfit: reference.metric.square(&off),
             cost: reference.metric.square(&off),
@@ -112,8 +119,7 @@ impl Fit {
 
     /// With `candidate` added, its amplitude scaled.
     pub fn with(&self, candidate: &Candidate, scale: f64) -> Self {
-        let mut next = self.clone();
-        next.at.clear();
+        let mut next = self.of_other_effects();
         next.effects.push((candidate.name, candidate.knobs.len()));
         for (i, (knob, at)) in candidate.knobs.iter().zip(&candidate.at).enumerate() {
             next.model.knobs.push(*knob);
@@ -124,13 +130,17 @@ impl Fit {
 
     /// Without one of its effects.
     pub fn without(&self, effect: usize) -> Self {
-        let mut next = self.clone();
-        next.at.clear();
+        let mut next = self.of_other_effects();
         let range = self.knobs_of(effect);
         next.model.knobs.drain(range.clone());
         next.u.drain(range);
         next.effects.remove(effect);
         next
+    }
+
+    /// A copy of which the effects are about to change: nothing that was simulated holds for it.
+    fn of_other_effects(&self) -> Self {
+        Self { at: Vec::new(), taken: Taken::default(), ..self.clone() }
     }
 
     /// With its numbers moved.
@@ -272,8 +282,7 @@ impl Reference {
             self.derive(&mut fit, count.div_ceil(2), Secant::Ahead)?;
             let Some(next) = self.line_search(&fit, data, count)? else { break };
             let gained = fit.cost - next.cost;
-            let jacobian = std::mem::replace(&mut fit, next).jacobian;
-            fit.jacobian = jacobian;
+            fit = next;
             if round + 1 < rounds && gained < 0.01 * fit.cost.max(0.0) + 1.0 {
                 break;
             }
@@ -286,10 +295,18 @@ impl Reference {
     /// move of theirs gains.
     fn line_search(&self, fit: &Fit, data: &DVector<f64>, count: usize) -> Result<Option<Fit>> {
         let off = data - &fit.mean;
-        let metric = Metric::new(&fit.likelihood.noise, fit.directions(self));
+        let directions = fit.directions(self);
+        let metric = Metric::new(&fit.likelihood.noise, directions.clone());
         let wanted = |bounds: &[Bound]| metric.bounded(&off, bounds);
         let whole = wanted(&fit.bounds());
+        let worth = |step: &DVector<f64>| {
+            let promised = fit.length_of(&off) - fit.length_of(&(&off - &directions * step));
+            promised > WORTH.0 + WORTH.1 * fit.cost || step.rows(0, fit.base_knobs()).amax() > WORTH_OF_BASE
+        };
         for step in [whole.clone(), wanted(&fit.bounds_of_effects()), whole * 0.4] {
+            if !worth(&step) {
+                continue;
+            }
             let mut next = fit.moved(&step);
             self.evaluate(&mut next, data, count)?;
             if next.cost < fit.cost {

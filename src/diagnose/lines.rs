@@ -43,7 +43,14 @@ pub(super) fn lines(setup: &Setup, scans: &[Scan]) -> Option<Lines> {
     for (k, light) in &levels {
         let off = |p: usize| {
             let rate = scans[*k].pixels[p].rate;
-            if rate > SATURATED { f64::NAN } else { (rate - fitted.expected(p, *light)) / scale(*light) }
+            // A pixel that never fires does not follow a lamp's error as the others do: a hundredth of such pixels would be
+            // the others' tail.
+            let dead = rate <= 0.0 && *light > 0.0;
+            if dead || rate > SATURATED {
+                f64::NAN
+            } else {
+                (rate - fitted.expected(p, *light)) / scale(*light)
+            }
         };
         fitted.residuals.push((*k, (0..n).map(off).collect()));
     }

@@ -27,6 +27,20 @@ pub(super) enum Secant {
     Around,
 }
 
+/// What derivatives were taken from: they are taken again where that has changed by more than [`NEAR`].
+#[derive(Clone, Debug, Default)]
+pub(super) struct Taken {
+    at: Vec<f64>,
+    count: usize,
+    around: bool,
+    /// Statistics that each effect hardly moves, and the simulations that told.
+    unmoved: Vec<Vec<usize>>,
+    told_by: usize,
+}
+
+/// Share of the step of a derivative within which it holds.
+const NEAR: f64 = 0.25;
+
 /// Ends of a secant of length `h`.
 fn ends(u: f64, h: f64, secant: Secant) -> [f64; 2] {
     match secant {
@@ -43,12 +57,22 @@ fn step(scale: Scale, u: f64) -> f64 {
     }
 }
 
+/// Whether the effects' numbers are where derivatives were taken.
+fn near(fit: &Fit) -> bool {
+    let moved = |j: usize| (fit.u[j] - fit.taken.at[j]).abs() / step(fit.model.knobs[j].scale, fit.u[j]);
+    fit.taken.at.len() == fit.u.len() && (fit.base_knobs()..fit.u.len()).all(|j| moved(j) <= NEAR)
+}
+
 impl Reference {
     /// Derivatives by the effects' knobs, with the draws of the fit's own simulations.
     pub(super) fn derive(&self, fit: &mut Fit, count: usize, secant: Secant) -> Result<()> {
         let count = count.min(fit.each.len());
-        let each = &fit.each[..count];
-        let unmoved = (0..fit.effects.len()).map(|e| self.unmoved(fit, e)).collect::<Result<Vec<_>>>()?;
+        let around = secant == Secant::Around;
+        if fit.taken.count >= count && (fit.taken.around || !around) && near(fit) {
+            return Ok(());
+        }
+        self.tell_unmoved(fit)?;
+        let (each, unmoved) = (&fit.each[..count], &fit.taken.unmoved);
         let column = |(effect, j): (usize, usize)| -> Result<DVector<f64>> {
             let knob = fit.model.knobs[j];
             let h = step(knob.scale, fit.u[j]);
@@ -82,6 +106,17 @@ impl Reference {
         } else {
             DMatrix::from_columns(&columns)
         };
+        fit.taken = Taken { at: fit.u.clone(), count, around, ..std::mem::take(&mut fit.taken) };
+        Ok(())
+    }
+
+    /// Kept while the effects are the same, until twice as many simulations can tell more.
+    fn tell_unmoved(&self, fit: &mut Fit) -> Result<()> {
+        let n = fit.each.len();
+        if fit.taken.unmoved.is_empty() || n >= 2 * fit.taken.told_by {
+            let all = (0..fit.effects.len()).map(|e| self.unmoved(fit, e)).collect::<Result<Vec<_>>>()?;
+            (fit.taken.unmoved, fit.taken.told_by) = (all, n);
+        }
         Ok(())
     }
 

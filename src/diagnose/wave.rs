@@ -28,10 +28,15 @@ pub(super) struct Stretch {
 /// Stretches long enough for a response to be seen, each after a step; the time before the first step is none.
 /// `half` is the protocol's half period, in readouts.
 pub(super) fn stretches(totals: &[u32], half: usize) -> Vec<Stretch> {
-    let steps = found(totals, half).unwrap_or_else(|| {
-        (half..totals.len()).step_by(half).map(|at| (at, (at / half).is_multiple_of(2))).collect()
-    });
-    let ends = steps.iter().skip(1).map(|s| s.0).chain([totals.len()]);
+    // The last few readouts may be behind a step that too few agree on: where three were lost, a whole wave ends so.
+    let (steps, end) = match found(totals, half) {
+        Some(steps) => (steps, totals.len() + 1 - AGREEING),
+        None => {
+            let steps = (half..totals.len()).step_by(half);
+            (steps.map(|at| (at, (at / half).is_multiple_of(2))).collect(), totals.len())
+        }
+    };
+    let ends = steps.iter().skip(1).map(|s| s.0).chain([end]);
     let all = steps.iter().zip(ends).map(|(s, to)| Stretch { bright: s.1, from: s.0, to });
     all.filter(|s| s.to - s.from >= LEAST).collect()
 }
@@ -74,8 +79,18 @@ mod tests {
         let light = (0..2000).filter(|t| *t != 130 && !(700..720).contains(t));
         let totals: Vec<u32> =
             light.map(|t| if t / 500 % 2 == 0 { 600 + t % 7 } else { 100 - t % 5 }).collect();
-        let wanted = [stretch(false, 499, 979), stretch(true, 979, 1479), stretch(false, 1479, 1979)];
+        let wanted = [stretch(false, 499, 979), stretch(true, 979, 1479), stretch(false, 1479, 1976)];
         assert_eq!(stretches(&totals, 500), wanted);
+    }
+
+    #[test]
+    fn a_recording_that_ends_just_behind_a_step_ends_before_it() {
+        for behind in 0..AGREEING {
+            let totals: Vec<u32> =
+                (0..2000 + behind).map(|t| if t / 500 % 2 == 0 { 600 } else { 100 }).collect();
+            let last = *stretches(&totals, 500).last().unwrap();
+            assert!(!last.bright && last.from == 1500 && (1997..=2000).contains(&last.to), "{last:?}");
+        }
     }
 
     #[test]
