@@ -126,11 +126,11 @@ fn gap(d: &Diagnosis) -> Result<Vec<Part>> {
             "squared distance, in standard deviations squared",
             &["fitted recordings", "held-out recordings"],
             &rows,
-            Some((d.gap.floor, "floor: the final model's own sensors")),
+            Some((d.gap.floor, "floor")),
         )?,
         format!(
-            "Squared distance of the statistics to the model, with what calibration fits taken out. The floor is {:.0}, with a \
-             deviation of {:.0}. Held out, the gap is {:.0} at first and {:.0} at last.",
+            "Squared distance of the statistics to the model, with what calibration fits taken out. The floor, what the final \
+             model's own sensors have, is {:.0}, with a deviation of {:.0}. Held out, the gap is {:.0} at first and {:.0} at last.",
             d.gap.floor,
             d.gap.floor_sd,
             d.gap.heldout.first().unwrap_or(&0.0),
