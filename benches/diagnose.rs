@@ -2,11 +2,14 @@
 //!
 //! `cargo bench --bench diagnose -- FOLDER [--nulls N] [--singles N] [--unknown N] [--doubles N] [--triples N]
 //! [--names A,B] [--only TEXT] [--minutes M] [--profile]` adds sensors to FOLDER, one JSON file each, and leaves those alone that
-//! this version of the code has judged; `--report FILE` writes the tables of what is there, `--profile` prints the seconds
+//! this version of the code has judged; `--report FILE` writes the tables of what is there, `--records FILE` takes over and keeps
+//! what was judged as one file of lines, `--profile` prints the seconds
 //! of every phase, `--only` takes sensors whose id holds TEXT, and `--large` takes sets of 128x96 pixels and 10,000 readouts.
 
 #[path = "../tests/hidden_sensor/mod.rs"]
 mod hidden_sensor;
+#[path = "diagnose/records.rs"]
+mod records;
 #[path = "diagnose/report.rs"]
 mod report;
 #[path = "diagnose/version.rs"]
@@ -42,6 +45,7 @@ struct Args {
     only: String,
     minutes: f64,
     report: Option<PathBuf>,
+    records: Option<PathBuf>,
 }
 
 fn arguments() -> Args {
@@ -54,6 +58,7 @@ fn arguments() -> Args {
         only: String::new(),
         minutes: 1e9,
         report: None,
+        records: None,
     };
     let mut all = std::env::args().skip(1);
     while let Some(arg) = all.next() {
@@ -70,6 +75,7 @@ fn arguments() -> Args {
             "--names" => args.names = next().split(',').map(str::to_owned).collect(),
             "--only" => args.only = next(),
             "--minutes" => args.minutes = next().parse().unwrap(),
+            "--records" => args.records = Some(PathBuf::from(next())),
             "--report" => args.report = Some(PathBuf::from(next())),
             folder => args.folder = PathBuf::from(folder),
         }
@@ -101,12 +107,15 @@ impl Job {
 fn main() {
     let args = arguments();
     std::fs::create_dir_all(&args.folder).unwrap();
+    if let Some(lines) = &args.records {
+        records::restore(lines, &args.folder);
+    }
     let jobs = jobs(&args);
     let start = Instant::now();
     let mut reference: Option<(Reference, Strengths)> = None;
     for job in jobs.iter().filter(|j| j.id().contains(&args.only)) {
         let file = args.folder.join(format!("{}.json", job.id()));
-        if report::is_current(&file) {
+        if records::is_current(&file) {
             continue;
         }
         if start.elapsed().as_secs_f64() > 60.0 * args.minutes {
@@ -116,6 +125,9 @@ fn main() {
         let record = run(job, shared, strengths, &args);
         println!("{}", summary(&record));
         std::fs::write(&file, serde_json::to_string_pretty(&record).unwrap()).unwrap();
+    }
+    if let Some(lines) = &args.records {
+        records::keep(&args.folder, lines);
     }
     if let Some(path) = &args.report {
         report::write(&args.folder, path);

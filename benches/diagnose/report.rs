@@ -101,30 +101,10 @@ fn covers(record: &Value, name: &str) -> Option<bool> {
     Some(held(truth) || signed.contains(&name) && held(-truth))
 }
 
-fn read(path: &Path) -> Option<Value> {
-    serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()
-}
-
-/// Whether a file holds what this version of the code said.
-pub fn is_current(path: &Path) -> bool {
-    read(path).is_some_and(|r| r["version"] == super::version::digest())
-}
-
-/// What this version of the code said; records of other versions are left out.
-fn records(folder: &Path) -> Vec<Value> {
-    let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
-    files.sort();
-    files
-        .iter()
-        .filter(|p| p.extension().is_some_and(|e| e == "json") && is_current(p))
-        .filter_map(|p| read(p))
-        .collect()
-}
-
 /// Replaces what lies between the marks of the page, or makes the page.
 pub fn write(folder: &Path, path: &Path) {
     const MARKS: (&str, &str) = ("<!-- tables -->\n", "<!-- end of tables -->");
-    let tables = tables(&records(folder));
+    let tables = tables(&super::records::all(folder));
     let page =
         std::fs::read_to_string(path).unwrap_or_else(|_| format!("# Diagnosis\n\n{}{}\n", MARKS.0, MARKS.1));
     let (before, rest) = page.split_once(MARKS.0).expect("the page has marks for its tables");

@@ -23,7 +23,8 @@ pub(super) struct Fit {
     at: Vec<f64>,
     /// Changes per unit of the effects' knobs.
     pub jacobian: DMatrix<f64>,
-    pub(super) taken: Taken,
+    /// What `jacobian` was taken from.
+    pub taken: Taken,
     /// Changes per standard deviation of the numbers of events.
     pub events: DMatrix<f64>,
     /// Squared distance to the data by the first null's noise, calibration projected out.
@@ -55,9 +56,10 @@ impl Likelihood {
 /// Without that, two that the set hardly tells apart, such as the spreads of gain and of threshold, wander.
 pub(super) const LEANING: f64 = 4.0;
 
-/// What a step must promise to be simulated, as a fall of the cost and as a share of it; one that moves a number of the base model by
-/// as much always is, as the cost allows for any of theirs.
+/// What a step must promise to be simulated: this fall of the cost, and this share of it.
 const WORTH: (f64, f64) = (0.5, 0.003);
+
+/// Move of a number of the base model from which on a step is always simulated: the cost is free along these, and promises nothing.
 const WORTH_OF_BASE: f64 = 0.1;
 
 /// Simulations that the null's variances count for beside a model's own few.
@@ -295,12 +297,11 @@ impl Reference {
     /// move of theirs gains.
     fn line_search(&self, fit: &Fit, data: &DVector<f64>, count: usize) -> Result<Option<Fit>> {
         let off = data - &fit.mean;
-        let directions = fit.directions(self);
-        let metric = Metric::new(&fit.likelihood.noise, directions.clone());
+        let metric = Metric::new(&fit.likelihood.noise, fit.directions(self));
         let wanted = |bounds: &[Bound]| metric.bounded(&off, bounds);
         let whole = wanted(&fit.bounds());
         let worth = |step: &DVector<f64>| {
-            let promised = fit.length_of(&off) - fit.length_of(&(&off - &directions * step));
+            let promised = fit.cost - fit.deviance_of(&metric.after(&off, step));
             promised > WORTH.0 + WORTH.1 * fit.cost || step.rows(0, fit.base_knobs()).amax() > WORTH_OF_BASE
         };
         for step in [whole.clone(), wanted(&fit.bounds_of_effects()), whole * 0.4] {

@@ -179,9 +179,14 @@ impl Metric {
         self.information.clone().try_inverse().unwrap_or_else(|| DMatrix::identity(n, n) * 1e6)
     }
 
+    /// What is left of `off` after a step along the directions.
+    pub fn after(&self, off: &DVector<f64>, step: &DVector<f64>) -> DVector<f64> {
+        off - &self.directions * step
+    }
+
     /// What is left after the best fit.
     pub fn rest(&self, off: &DVector<f64>) -> DVector<f64> {
-        off - &self.directions * self.fit(off)
+        self.after(off, &self.fit(off))
     }
 
     /// `off` in the metric: its product with a vector is their inner product.

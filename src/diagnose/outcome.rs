@@ -180,7 +180,10 @@ pub(super) fn outcome(
         let share = round.map_or(0.0, |r| r.share);
         let resembles = found.left && (share < 0.5 || whole < WHOLE || strange);
         // A number of the base model that only resembles what is there is no wrong number.
-        if let (true, false, Some(p)) = (MISFITS.contains(name), resembles, parameters.first()) {
+        if MISFITS.contains(name)
+            && !resembles
+            && let Some(p) = parameters.first()
+        {
             let knob = found.fit.model.knobs[found.fit.knobs_of(i).start];
             misfits.push(Misfit {
                 parameter: format!("{name}.{}", p.name),

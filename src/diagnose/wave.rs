@@ -30,7 +30,7 @@ pub(super) struct Stretch {
 pub(super) fn stretches(totals: &[u32], half: usize) -> Vec<Stretch> {
     // The last few readouts may be behind a step that too few agree on: where three were lost, a whole wave ends so.
     let (steps, end) = match found(totals, half) {
-        Some(steps) => (steps, totals.len() + 1 - AGREEING),
+        Some(steps) => (steps, (totals.len() + 1).saturating_sub(AGREEING)),
         None => {
             let steps = (half..totals.len()).step_by(half);
             (steps.map(|at| (at, (at / half).is_multiple_of(2))).collect(), totals.len())
@@ -103,6 +103,7 @@ mod tests {
     #[test]
     fn without_light_there_is_no_step() {
         assert!(found(&[], 500).is_none());
+        assert_eq!(stretches(&[900, 0], 500), [], "shorter than a step can be told in");
         assert_eq!(stretches(&[0; 300], 500), []);
     }
 }

@@ -1,0 +1,55 @@
+//! What was judged: one file a sensor in a folder, and all of it as a file of lines that can be committed, from which a
+//! study goes on elsewhere.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+/// What neither a table nor a question about a failure needs.
+const LEFT_OUT: [&str; 4] = ["settle", "not_testable", "notes", "camera"];
+
+fn read(path: &Path) -> Option<Value> {
+    serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()
+}
+
+fn of_this_version(record: &Value) -> bool {
+    record["version"] == super::version::digest()
+}
+
+/// Whether a file holds what this version of the code said.
+pub fn is_current(path: &Path) -> bool {
+    read(path).is_some_and(|r| of_this_version(&r))
+}
+
+/// What this version of the code said, by name; records of other versions are left out.
+pub fn all(folder: &Path) -> Vec<Value> {
+    let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+    files.sort();
+    let records = files.iter().filter(|p| p.extension().is_some_and(|e| e == "json"));
+    records.filter_map(|p| read(p)).filter(of_this_version).collect()
+}
+
+/// Writes the records of this version that `lines` holds and `folder` does not.
+pub fn restore(lines: &Path, folder: &Path) {
+    let text = std::fs::read_to_string(lines).unwrap_or_default();
+    let records = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    for record in records.filter(of_this_version) {
+        let Some(id) = record["id"].as_str() else { continue };
+        let file = folder.join(format!("{id}.json"));
+        if !is_current(&file) {
+            std::fs::write(&file, record.to_string()).unwrap();
+        }
+    }
+}
+
+/// Writes all records of this version, one a line.
+pub fn keep(folder: &Path, lines: &Path) {
+    let mut text = String::new();
+    for mut record in all(folder) {
+        if let Some(said) = record["said"].as_object_mut() {
+            LEFT_OUT.iter().for_each(|key| drop(said.remove(*key)));
+        }
+        text += &format!("{record}\n");
+    }
+    std::fs::write(lines, text).unwrap();
+}
