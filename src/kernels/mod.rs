@@ -18,7 +18,6 @@ mod backend;
 mod bare;
 mod batch;
 mod body;
-#[cfg(all(feature = "files", feature = "threads"))]
 mod counting;
 mod general;
 mod increment;
@@ -37,6 +36,7 @@ pub use backend::Backend;
 pub use batch::{Batch, Job, Light, NoiseRound, Rounds, Samples, Segment};
 #[cfg(all(feature = "files", feature = "threads"))]
 pub(crate) use counting::counting;
+pub(crate) use counting::{Work, counting_all};
 pub use modulation::Modulation;
 
 use crate::plan::StateParts;

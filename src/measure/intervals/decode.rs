@@ -7,12 +7,21 @@
 //! spikes are taken bit by bit, four at a time.
 
 use super::super::block::{Block, CAPACITY};
+use super::LONGEST_LAG;
 
 /// Words of a pixel's history in one block.
 pub(super) const HISTORY_WORDS: usize = CAPACITY.div_ceil(64);
 
 /// Slack behind the last spike time that table writes and whole lanes need.
 pub(super) const SLACK: usize = 8;
+
+/// Entries that a pixel's times and its history fill at most, as a power of two: a remainder takes the place of a bounds check.
+const ROOM: usize = 4096;
+
+/// The times of a pixel's history and of its spikes in a block.
+pub(super) type Times = [i16; ROOM + SLACK];
+
+const _: () = assert!(LONGEST_LAG as usize + CAPACITY + SLACK <= ROOM);
 
 /// Positions of the set bits of each byte, then zeros.
 static POSITIONS: [[i16; 8]; 256] = positions();
@@ -48,42 +57,55 @@ const fn lengths() -> [u8; 256] {
     table
 }
 
-/// The readouts of a block for 64 neighbouring pixels: bit `t % 64` of word
+/// Neighbouring words of a readout that are gathered together: a cache line has as many, and from one readout to the
+/// next there is a page or more.
+pub(super) const WORDS: usize = 8;
+
+/// The readouts of a block for eight times 64 neighbouring pixels: bit `t % 64` of word
 /// `t / 64` of a pixel is its spike at readout `t` of the block.
 pub(super) struct Histories {
-    columns: Box<[[u64; 64]; HISTORY_WORDS]>,
+    columns: Box<[[[u64; 64]; HISTORY_WORDS]; WORDS]>,
 }
 
 impl Histories {
     pub(super) fn new() -> Self {
-        Self { columns: Box::new([[0; 64]; HISTORY_WORDS]) }
+        Self { columns: Box::new([[[0; 64]; HISTORY_WORDS]; WORDS]) }
     }
 
-    /// Gathers word `at` of all readouts of the block.
+    /// Gathers the words from `at` on of all readouts of the block. A readout has as much slack behind its last word.
+    #[inline(always)]
     pub(super) fn gather(&mut self, block: &Block, at: usize) {
         let step = block.frame_words();
-        for (chunk, column) in self.columns.iter_mut().enumerate() {
+        for chunk in 0..HISTORY_WORDS {
             let from = (chunk * 64).min(block.len());
             let n = (block.len() - from).min(64);
-            let mut any = 0;
-            for (i, word) in column[..n].iter_mut().enumerate() {
-                *word = block.words()[(from + i + 1) * step + at];
-                any |= *word;
+            let mut squares = [[0; 64]; WORDS];
+            let mut any = [0; WORDS];
+            for i in 0..n {
+                let words = &block.words()[(from + i + 1) * step + at..][..WORDS];
+                for word in 0..WORDS {
+                    squares[word][i] = words[word];
+                    any[word] |= words[word];
+                }
             }
-            column[n..].fill(0);
-            if any != 0 {
-                transpose(column);
+            for ((columns, square), any) in self.columns.iter_mut().zip(&mut squares).zip(any) {
+                if any != 0 {
+                    transpose(square);
+                }
+                columns[chunk] = *square;
             }
         }
     }
 
-    /// The words of one of the 64 pixels.
-    pub(super) fn pixel(&self, pixel: usize) -> [u64; HISTORY_WORDS] {
-        std::array::from_fn(|chunk| self.columns[chunk][pixel])
+    /// The history of one of the 64 pixels of a gathered word.
+    #[inline(always)]
+    pub(super) fn pixel(&self, word: usize, pixel: usize) -> [u64; HISTORY_WORDS] {
+        std::array::from_fn(|chunk| self.columns[word][chunk][pixel])
     }
 }
 
 /// Transposes a 64x64 bit matrix: bit `j` of word `i` goes to bit `i` of word `j`.
+#[inline(always)]
 fn transpose(words: &mut [u64; 64]) {
     stage::<32>(words, 0x0000_0000_FFFF_FFFF);
     stage::<16>(words, 0x0000_FFFF_0000_FFFF);
@@ -126,40 +148,40 @@ fn sparse(bits: u64, base: i16, spikes: usize, out: &mut [i16]) {
     }
 }
 
-/// The first words with `spikes` spikes or more, and the rest.
-pub(super) fn split(
-    words: &[u64; HISTORY_WORDS],
-    spikes: usize,
-) -> ([u64; HISTORY_WORDS], [u64; HISTORY_WORDS]) {
-    let (mut early, mut late) = ([0; HISTORY_WORDS], *words);
+/// Takes the first words with `spikes` spikes or more out of `words`.
+pub(super) fn split(words: &mut [u64; HISTORY_WORDS], spikes: usize) -> [u64; HISTORY_WORDS] {
+    let mut early = [0; HISTORY_WORDS];
     let mut seen = 0;
-    for (early, late) in early.iter_mut().zip(&mut late) {
+    for (early, late) in early.iter_mut().zip(words) {
         if seen >= spikes {
             break;
         }
         seen += late.count_ones() as usize;
         std::mem::swap(early, late);
     }
-    (early, late)
+    early
 }
 
-/// Writes the times of a pixel's spikes, plus `offset`, from `times[at]` on and
+/// Writes the times of a pixel's spikes, counted from the start of the block, from `times[at]` on and
 /// returns where they end. Up to [`SLACK`] entries behind the end are clobbered.
-pub(super) fn times(words: &[u64; HISTORY_WORDS], offset: i16, times: &mut [i16], mut at: usize) -> usize {
-    for (word, bits) in words.iter().enumerate() {
-        let base = offset + 64 * word as i16;
+#[inline(always)]
+pub(super) fn times(words: &[u64; HISTORY_WORDS], times: &mut Times, mut at: usize) -> usize {
+    let mut base = 0;
+    for bits in words {
         let spikes = bits.count_ones() as usize;
         if spikes <= FEW {
-            sparse(*bits, base, spikes, &mut times[at..at + 8]);
+            let from = at % ROOM;
+            sparse(*bits, base, spikes, &mut times[from..from + 8]);
             at += spikes;
+            base += 64;
             continue;
         }
-        for (i, byte) in bits.to_le_bytes().into_iter().enumerate() {
-            let from = base + 8 * i as i16;
-            let out = &mut times[at..at + 8];
-            for (time, position) in out.iter_mut().zip(&POSITIONS[usize::from(byte)]) {
-                *time = from + position;
-            }
+        for byte in bits.to_le_bytes() {
+            // Added up before any is written: the compiler takes all eight at once then.
+            let all = POSITIONS[usize::from(byte)].map(|position| base + position);
+            let from = at % ROOM;
+            times[from..from + 8].copy_from_slice(&all);
+            base += 8;
             at += usize::from(LENGTHS[usize::from(byte)]);
         }
     }

@@ -1,7 +1,10 @@
 //! How often each interval length occurs.
 
+use std::ops::Range;
+
 use super::super::estimate::Estimate;
-use super::fast::Found;
+use super::fast::{self, Found};
+use super::pixel::CUMULATIVE;
 use crate::spikes::Geometry;
 
 /// Groups of rows that are counted apart, for the spread between them.
@@ -81,6 +84,9 @@ impl Lengths {
     }
 }
 
+/// When one interval of that many lies beyond the fences, all are counted one by one.
+const MANY: u32 = 8;
+
 /// The counts of one block and group. Successive intervals are mostly equal,
 /// and adding to the same place twice in a row waits for the first addition:
 /// four tables take turns.
@@ -102,22 +108,29 @@ impl Tally {
         self.bins[turn % 4][interval.min(self.cap + 1) as usize] += 1;
     }
 
-    /// Counts the intervals of a pixel. When none lies beyond the fences around
-    /// `centre`, the counts at the fences already tell every length.
-    pub(super) fn add_found(&mut self, found: &Found, centre: i64, intervals: &[i16]) {
-        let lowest = centre - 2;
-        if i64::from(found.shortest) < lowest || i64::from(found.longest) > centre + 2 {
-            for (i, interval) in intervals.iter().enumerate() {
+    /// Counts the intervals of a pixel in `range`. The counts at the fences around `centre` tell the lengths
+    /// between them; those beyond are counted one by one.
+    #[inline(always)]
+    pub(super) fn add_found(&mut self, found: &Found, centre: i64, intervals: &[i16], range: Range<usize>) {
+        let (within, n) = (&found.within, range.len() as u32);
+        let beyond = n - (within[CUMULATIVE - 1] - within[0]);
+        if beyond * MANY > n {
+            for (i, interval) in intervals[range].iter().enumerate() {
                 self.add(i, *interval as u32);
             }
             return;
         }
         self.used = true;
-        for (j, ends) in found.within.windows(2).enumerate() {
-            if ends[1] > ends[0] {
-                let length = (lowest + j as i64).min(i64::from(self.cap) + 1);
-                self.bins[0][length as usize] += ends[1] - ends[0];
-            }
+        let lowest = centre - 2;
+        for (j, ends) in within.windows(2).enumerate() {
+            // No interval is that short where this clamps.
+            let length = (lowest + j as i64).clamp(0, i64::from(self.cap) + 1);
+            self.bins[j % 4][length as usize] += ends[1] - ends[0];
+        }
+        if beyond > 0 {
+            let fence = |length: i64| length.clamp(0, i64::from(i16::MAX)) as i16;
+            let (low, high) = (fence(lowest), fence(centre + 2));
+            fast::outliers(intervals, range, low, high, |x| self.add(0, x as u32));
         }
     }
 

@@ -6,12 +6,15 @@ mod fast;
 mod lengths;
 mod pixel;
 mod result;
+#[cfg(test)]
+mod tests;
 mod variance;
 
 use std::ops::Range;
 
 use super::block::{Block, CAPACITY};
 use super::counts::NEVER;
+use crate::kernels::{Work, counting_all};
 use crate::spikes::Geometry;
 use decode::{Histories, SLACK};
 use lengths::Tally;
@@ -32,19 +35,26 @@ pub(super) struct DeviationSum {
     spikes: u32,
 }
 
-/// Room for the readouts of a block, a power of two so that a remainder takes
-/// the place of a bounds check.
-const SLOTS: usize = CAPACITY.next_power_of_two();
-
 /// The readouts of a block as the pixels' intervals see them.
 pub(super) struct Readouts {
     start: u32,
-    deviation: [i64; SLOTS],
+    deviation: Box<fast::Table>,
     /// Spikes without a reference to deviate from.
     skipped: [u32; CAPACITY],
 }
 
 impl Readouts {
+    fn new() -> Self {
+        let deviation = vec![0; 1 << 16].into_boxed_slice().try_into().expect("as many");
+        Self { start: 0, deviation, skipped: [0; CAPACITY] }
+    }
+
+    fn begin(&mut self, start: u32) {
+        self.start = start;
+        self.deviation[..CAPACITY].fill(0);
+        self.skipped.fill(0);
+    }
+
     fn deviate(&mut self, readout: u32, interval: u32, reference: u32) {
         self.deviation[(readout - self.start) as usize] +=
             REFERENCE as i64 * i64::from(interval) - i64::from(reference);
@@ -78,10 +88,24 @@ pub(super) struct State {
 
 /// Buffers of one pixel's work.
 struct Scratch {
-    times: Vec<i16>,
+    times: Box<decode::Times>,
     intervals: Vec<i16>,
     exact: Vec<u32>,
     readouts: Readouts,
+}
+
+/// A block to take.
+struct Taking<'a> {
+    state: &'a mut State,
+    block: &'a Block,
+    start: u32,
+}
+
+impl Work for Taking<'_> {
+    #[inline(always)]
+    fn run(self) {
+        self.state.take(self.block, self.start);
+    }
 }
 
 impl State {
@@ -105,10 +129,10 @@ impl State {
             span_limit: fast::span_limit(longest),
             series,
             scratch: Scratch {
-                times: vec![0; room],
+                times: Box::new([0; _]),
                 intervals: vec![0; room],
                 exact: Vec::with_capacity(room),
-                readouts: Readouts { start: 0, deviation: [0; SLOTS], skipped: [0; CAPACITY] },
+                readouts: Readouts::new(),
             },
             result: Intervals {
                 geometry,
@@ -127,8 +151,13 @@ impl State {
 
     /// Takes a block that starts at readout `start`.
     pub(super) fn process(&mut self, block: &Block, start: u32) {
+        counting_all(Taking { state: self, block, start });
+    }
+
+    #[inline(always)]
+    fn take(&mut self, block: &Block, start: u32) {
         let mut histories = Histories::new();
-        self.scratch.readouts = Readouts { start, deviation: [0; SLOTS], skipped: [0; CAPACITY] };
+        self.scratch.readouts.begin(start);
         let mut group = 0;
         for at in 0..block.band_words() {
             let (row, column) = (at / block.stride(), at % block.stride() * 64);
@@ -137,10 +166,12 @@ impl State {
                 self.tally.empty(&mut self.result.lengths, group);
                 group = next;
             }
-            histories.gather(block, at);
+            if at % decode::WORDS == 0 {
+                histories.gather(block, at);
+            }
             let pixels = 64.min(block.width() - column);
             for i in 0..pixels {
-                let words = histories.pixel(i);
+                let words = histories.pixel(at % decode::WORDS, i);
                 if words.iter().any(|w| *w != 0) {
                     self.add_pixel(row * block.width() + column + i, &words, start);
                 }
@@ -152,40 +183,38 @@ impl State {
     }
 
     /// Adds the spikes of a pixel in this block; there is at least one.
+    #[inline(always)]
     fn add_pixel(&mut self, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
         let known = self.result.pixels[p].spikes as usize;
         // One more than the history, so that the reference is known as well.
-        if known > self.depth {
-            return self.add_known(p, words, start);
+        let mut late = *words;
+        if known <= self.depth {
+            let early = decode::split(&mut late, self.depth + 1 - known);
+            self.add_exact(p, &early, start);
+            if late.iter().all(|w| *w == 0) {
+                return;
+            }
         }
-        let (early, late) = decode::split(words, self.depth + 1 - known);
-        self.add_exact(p, &early, start);
-        if late.iter().any(|w| *w != 0) {
-            self.add_known(p, &late, start);
-        }
-    }
-
-    /// Adds spikes of a pixel whose history is full.
-    fn add_known(&mut self, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
-        // The span from the oldest time of the history to the end of the block.
-        let shift = start.wrapping_sub(self.history[p * self.depth]);
+        // From the oldest time of the history to the start of the block.
+        let before = start.wrapping_sub(self.history[p * self.depth]);
         // A history that ends within the block begins after its start, and the difference is small and negative.
-        if shift.wrapping_add(CAPACITY as u32) <= self.span_limit {
-            self.add_fast(p, words, shift as i16);
+        if before.wrapping_add(CAPACITY as u32) <= self.span_limit {
+            self.add_fast(p, &late, start);
         } else {
-            self.add_exact(p, words, start);
+            self.add_exact(p, &late, start);
         }
     }
 
-    fn add_fast(&mut self, p: usize, words: &[u64; decode::HISTORY_WORDS], shift: i16) {
+    #[inline(always)]
+    fn add_fast(&mut self, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
         let depth = self.depth;
         let Scratch { times, intervals, readouts, .. } = &mut self.scratch;
         let history = &mut self.history[p * depth..(p + 1) * depth];
-        let origin = history[0];
         for (time, old) in times.iter_mut().zip(history.iter()) {
-            *time = (old - origin) as i16;
+            *time = old.wrapping_sub(start) as i16;
         }
-        let end = decode::times(words, shift, times, depth);
+        let end = decode::times(words, times, depth);
+        let times = times.as_slice();
         fast::differences(times, end, intervals);
         let lags = &self.result.lags;
         let sums = &mut self.result.sums[p * lags.len()..(p + 1) * lags.len()];
@@ -198,20 +227,16 @@ impl State {
         let pixel = &mut self.result.pixels[p];
         let found = fast::add_intervals(intervals, depth, end, pixel);
         pixel.spikes += (end - depth) as u32;
-        self.tally.add_found(&found, pixel.centre(), &intervals[depth..end]);
-        let reference = i64::from(pixel.reference);
+        self.tally.add_found(&found, pixel.centre(), intervals, depth..end);
         if self.result.deviations.len() < self.series {
-            for (time, interval) in times[depth..end].iter().zip(&intervals[depth..end]) {
-                // The start of the block lies at `shift`.
-                readouts.deviation[(time - shift) as u16 as usize % SLOTS] +=
-                    REFERENCE as i64 * i64::from(*interval) - reference;
-            }
+            fast::deviate(times, intervals, depth, end, pixel.reference, &mut readouts.deviation);
         }
         for (old, time) in history.iter_mut().zip(&times[end - depth..end]) {
-            *old = origin + *time as u32;
+            *old = start.wrapping_add_signed(i32::from(*time));
         }
     }
 
+    #[inline(never)]
     fn add_exact(&mut self, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
         let pixel = &mut self.result.pixels[p];
         let history = &mut self.history[p * self.depth..(p + 1) * self.depth];
@@ -236,6 +261,7 @@ impl State {
         history[self.depth - kept..].copy_from_slice(&times[times.len() - kept..]);
     }
 
+    #[inline(always)]
     fn keep_deviations(&mut self, block: &Block) {
         for i in 0..block.len() {
             if self.result.deviations.len() == self.series {
