@@ -1,7 +1,7 @@
 //! Which code judged a sensor: results of two versions must not share a table.
 
 /// What decides on a diagnosis, and what makes the sensors.
-const SOURCES: [&str; 30] = [
+const SOURCES: [&str; 32] = [
     include_str!("../../src/diagnose/bits.rs"),
     include_str!("../../src/diagnose/candidates.rs"),
     include_str!("../../src/diagnose/edges.rs"),
@@ -26,8 +26,10 @@ const SOURCES: [&str; 30] = [
     include_str!("../../src/diagnose/still.rs"),
     include_str!("../../src/diagnose/time.rs"),
     include_str!("../../src/diagnose/together.rs"),
+    include_str!("../../src/diagnose/tournament.rs"),
     include_str!("../../src/diagnose/vector.rs"),
     include_str!("../../src/diagnose/wave.rs"),
+    include_str!("../../src/diagnose/weed.rs"),
     include_str!("../../tests/hidden_sensor/kinds.rs"),
     include_str!("../../tests/hidden_sensor/mod.rs"),
     include_str!("../../tests/hidden_sensor/physics.rs"),

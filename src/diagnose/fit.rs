@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::candidates::Candidate;
 use super::metric::{Bound, Metric, Noise};
 use super::model::{Model, Scale};
-use super::reference::{Reference, average};
+use super::reference::{Reference, Signature, average};
 use super::slope::{Secant, Taken};
 use crate::error::Result;
 
@@ -103,9 +103,19 @@ impl Fit {
         self.likelihood.metric.square(off)
     }
 
+    /// Logarithm of the determinant of this model's noise over the null's.
+    pub fn noise_of_its_own(&self) -> f64 {
+        self.likelihood.spread
+    }
+
     /// The cost with a price for every number that was fitted.
     pub fn price(&self) -> f64 {
         self.cost + 2.0 * self.u.len() as f64
+    }
+
+    /// Signatures of effects that it does not have.
+    pub fn open<'a>(&self, signatures: &'a [Signature]) -> Vec<&'a Signature> {
+        signatures.iter().filter(|s| self.effects.iter().all(|e| e.0 != s.candidate.name)).collect()
     }
 
     /// Number of base knobs.

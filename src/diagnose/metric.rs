@@ -179,6 +179,11 @@ impl Metric {
         self.information.clone().try_inverse().unwrap_or_else(|| DMatrix::identity(n, n) * 1e6)
     }
 
+    /// Variance of the position along direction `j` over what it would be if all others were known.
+    pub fn inflation(&self, j: usize) -> f64 {
+        self.information[(j, j)] * self.covariance()[(j, j)]
+    }
+
     /// What is left of `off` after a step along the directions.
     pub fn after(&self, off: &DVector<f64>, step: &DVector<f64>) -> DVector<f64> {
         off - &self.directions * step

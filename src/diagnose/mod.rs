@@ -36,8 +36,10 @@ mod spread;
 mod still;
 mod time;
 mod together;
+mod tournament;
 mod vector;
 mod wave;
+mod weed;
 
 pub use nameable::{Nameable, SCORE};
 pub use outcome::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};

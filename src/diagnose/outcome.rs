@@ -6,8 +6,9 @@ use super::candidates::MISFITS;
 use super::interval::{interval, of_data};
 use super::own::MEAN;
 use super::reference::Reference;
-use super::search::{Found, Round};
+use super::search::Found;
 use super::settle::{settle, tied};
+use super::tournament::Round;
 use crate::effects::Camera;
 use crate::error::Result;
 

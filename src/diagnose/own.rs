@@ -6,9 +6,9 @@ use rayon::prelude::*;
 use super::fit::{Fit, LEANING, trust};
 use super::metric::Metric;
 use super::model::LAMP;
-use super::reference::{Reference, gamma_limit};
-use super::search::SOME;
+use super::reference::{Limits, Reference, Signature, gamma_limit};
 use super::slope::Secant;
+use super::tournament::SOME;
 use crate::draws::pattern::Pattern;
 use crate::draws::{Seeds, Stream};
 use crate::error::Result;
@@ -25,20 +25,13 @@ pub(super) struct Own {
     pub floor_sd: f64,
     /// Median of the misfit with any number of events allowed.
     pub allowed_floor: f64,
-    pub misfit_limit: f64,
-    pub deviation_limit: f64,
+    /// What sensors of this model keep within.
+    pub limits: Limits,
     pub mean: DVector<f64>,
     /// By how much the fit of such a simulation misses each of its numbers.
     pub deviations: Vec<f64>,
     /// The part of that which does not grow with what is fitted: the null's noise.
     pub additive: Vec<f64>,
-}
-
-impl Own {
-    pub fn alarm(&self, off: &DVector<f64>) -> bool {
-        let largest = self.metric.scores(off).into_iter().fold(0.0_f64, |m, z| m.max(z.abs()));
-        self.metric.square(off) > self.misfit_limit || largest > self.deviation_limit
-    }
 }
 
 /// A simulation and how far its numbers lie from the fitted ones.
@@ -60,8 +53,7 @@ impl Reference {
             floor,
             floor_sd,
             allowed_floor: floor,
-            misfit_limit: self.limits.misfit,
-            deviation_limit: self.limits.deviation,
+            limits: self.limits,
             mean: self.mean.clone(),
         }
     }
@@ -77,10 +69,10 @@ impl Reference {
         let noise =
             self.own_noise(fit, &each, &mean, each.len() as f64)?.unwrap_or_else(|| self.noise.clone());
         let metric = Metric::new(&noise, fit.directions(self)).knowing(&known);
-        let squares: Vec<f64> = each.iter().map(|s| metric.square(&(s - &mean))).collect();
-        let largest =
-            |s: &DVector<f64>| metric.scores(&(s - &mean)).into_iter().fold(0.0_f64, |m, z| m.max(z.abs()));
-        let highest = each.iter().map(largest).fold(0.0, f64::max);
+        let open: Vec<&Signature> = fit.open(&self.signatures);
+        let strays: Vec<[f64; 3]> =
+            each.iter().map(|s| self.strays_by(&metric, &(s - &mean), &open)).collect();
+        let highest = |i: usize| strays.iter().map(|s| s[i]).fold(0.0, f64::max);
         let lengths: Vec<f64> = each.iter().map(|s| self.metric.square(&(s - &mean))).collect();
         let (floor, floor_sd) = centre(&lengths);
         let allowing = self.allowing(&fit.events)?;
@@ -90,8 +82,12 @@ impl Reference {
             floor_sd,
             allowed_floor: centre(&allowed).0,
             // The mean itself is known to a part of the noise only.
-            misfit_limit: (1.1 * gamma_limit(&squares)).max(self.limits.misfit),
-            deviation_limit: (1.15 * highest).max(self.limits.deviation),
+            limits: Limits {
+                misfit: (1.1 * gamma_limit(&strays.iter().map(|s| s[0]).collect::<Vec<_>>()))
+                    .max(self.limits.misfit),
+                deviation: (1.15 * highest(1)).max(self.limits.deviation),
+                score: (1.15 * highest(2)).max(self.limits.score),
+            },
             deviations: missed(&metric, &redrawn, &mean),
             additive: roots(&Metric::new(&self.noise, fit.directions(self)).knowing(&known).covariance()),
             metric,

@@ -179,9 +179,8 @@ impl Reference {
                 .collect();
             let metric = Metric::new(&noise(&others, floors)?.with_columns(lamps)?, self.jacobian.clone());
             let own = redrawn.iter().enumerate().filter(|(i, _)| i % FOLDS == f);
-            Ok(own
-                .map(|(_, d)| self.strays_by(&metric, &(&d.vector - &self.mean), &self.signatures))
-                .collect())
+            let all: Vec<&Signature> = self.signatures.iter().collect();
+            Ok(own.map(|(_, d)| self.strays_by(&metric, &(&d.vector - &self.mean), &all)).collect())
         };
         let folds = (0..FOLDS).into_par_iter().map(fold).collect::<Result<Vec<_>>>()?;
         let all: Vec<[f64; 3]> = folds.into_iter().flatten().collect();

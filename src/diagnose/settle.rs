@@ -1,7 +1,7 @@
 //! What to record next, where two names explain a set as well as each other.
 
 use super::reference::Reference;
-use super::search::{Entrant, Round};
+use super::tournament::{Entrant, Round};
 
 /// Deviations at which two fitted models count as told apart.
 const APART: f64 = 5.0;

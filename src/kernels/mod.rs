@@ -34,9 +34,7 @@ mod wide_lanes;
 
 pub use backend::Backend;
 pub use batch::{Batch, Job, Light, NoiseRound, Rounds, Samples, Segment};
-#[cfg(all(feature = "files", feature = "threads"))]
 pub(crate) use counting::counting;
-pub(crate) use counting::{Work, counting_all};
 pub use modulation::Modulation;
 
 use crate::plan::StateParts;

@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use super::block::{Block, CAPACITY};
 use super::counts::NEVER;
-use crate::kernels::{Work, counting_all};
+use crate::kernels::counting;
 use crate::spikes::Geometry;
 use decode::{Histories, SLACK};
 use lengths::Tally;
@@ -94,20 +94,6 @@ struct Scratch {
     readouts: Readouts,
 }
 
-/// A block to take.
-struct Taking<'a> {
-    state: &'a mut State,
-    block: &'a Block,
-    start: u32,
-}
-
-impl Work for Taking<'_> {
-    #[inline(always)]
-    fn run(self) {
-        self.state.take(self.block, self.start);
-    }
-}
-
 impl State {
     /// `lags` is sorted and begins with 1; `cap` is the longest interval with
     /// an own bin; `series` readouts are kept one by one.
@@ -151,7 +137,10 @@ impl State {
 
     /// Takes a block that starts at readout `start`.
     pub(super) fn process(&mut self, block: &Block, start: u32) {
-        counting_all(Taking { state: self, block, start });
+        counting(
+            #[inline(always)]
+            || self.take(block, start),
+        );
     }
 
     #[inline(always)]

@@ -1,0 +1,102 @@
+//! What the loop added, looked at again when everything is known: is it needed, and is it the right name.
+
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+use super::fit::Fit;
+use super::own::{MEAN, Own};
+use super::reference::{Reference, Signature};
+use super::search::Judge;
+use super::tournament::{NEAR, ROUNDS_BESIDE, Round, SOME};
+use crate::error::{Error, Result};
+
+/// Variance of an amplitude over what it would be if all other numbers were known, from which on others may stand in for it: a cosine of 0.9.
+const STOOD_IN_FOR: f64 = 5.0;
+
+/// Rise of the cost from which on an effect is not dispensed with: three and a half deviations.
+const DISPENSED: f64 = 12.0;
+
+impl Reference {
+    /// Drops effects that the data do without: those whose amplitude is within three deviations of none, and those that another one can
+    /// stand in for. The likeness that came first may have left the right name a part only, and steps along their valley are short.
+    pub(super) fn eliminate(
+        &self,
+        fit: &mut Fit,
+        own: &mut Own,
+        rounds: &mut Vec<Round>,
+        data: &DVector<f64>,
+    ) -> Result<()> {
+        while fit.effects.len() > 1 {
+            let Some((place, without)) = self.dispensable(fit, own, data)? else { break };
+            let name = fit.effects[place].0;
+            *fit = without;
+            *own = self.own(fit, data)?;
+            rounds.retain(|r| r.winner != name);
+        }
+        Ok(())
+    }
+
+    /// The weakest effect without which the data are as likely, and the fit without it.
+    fn dispensable(&self, fit: &Fit, own: &Own, data: &DVector<f64>) -> Result<Option<(usize, Fit)>> {
+        let amplitude = |e: usize| fit.knobs_of(e).start;
+        let strength = |e: usize| fit.u[amplitude(e)].abs() / own.deviations[amplitude(e)];
+        let mut places: Vec<usize> = (0..fit.effects.len()).collect();
+        places.sort_by(|a, b| strength(*a).total_cmp(&strength(*b)));
+        for place in places {
+            if strength(place) > 3.0 && own.metric.inflation(amplitude(place)) < STOOD_IN_FOR {
+                continue;
+            }
+            let mut without = self.refine(fit.without(place), data, ROUNDS_BESIDE[0], SOME)?;
+            self.evaluate(&mut without, data, MEAN)?;
+            // An interval that holds zero is no evidence, whatever the misfit gains.
+            if strength(place) < 2.0 || without.cost < fit.cost + DISPENSED {
+                return Ok(Some((place, without)));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Tries another name in the place of each accepted one, now that the others are known.
+    pub(super) fn swap(
+        &self,
+        fit: &mut Fit,
+        own: &mut Own,
+        rounds: &mut [Round],
+        signatures: &[Signature],
+        data: &DVector<f64>,
+        judge: &Judge<'_>,
+    ) -> Result<()> {
+        let all: Vec<&Signature> = signatures.iter().collect();
+        for place in 0..fit.effects.len() {
+            let name = fit.effects[place].0;
+            let [few, some] = fit.draws();
+            let without = self.refine(fit.without(place), data, 1, few)?;
+            let others = self.entrants(&without, &own.metric, &(data - &without.mean), &all);
+            let others: Vec<_> = others.into_iter().filter(|e| e.1.candidate.name != name).take(2).collect();
+            let enter = |(scale, s): &(f64, &Signature)| {
+                self.refine(without.with(&s.candidate, *scale), data, ROUNDS_BESIDE[0], few)
+            };
+            let fits = others.par_iter().map(enter).collect::<Result<Vec<_>>>()?;
+            let Some(best) = fits.into_iter().min_by(|a, b| a.price().total_cmp(&b.price())) else {
+                continue;
+            };
+            if best.price() > fit.price() + NEAR {
+                continue;
+            }
+            let mut best = self.refine(best, data, ROUNDS_BESIDE[1], some)?;
+            let held = |f: &Fit| Ok::<f64, Error>(f.deviance_of(&judge.off(self, f)?));
+            if best.price() + 4.0 > fit.price() || held(&best)? > held(fit)? {
+                continue;
+            }
+            *own = self.converged(&mut best, data)?;
+            let new = best.effects.last().map_or(name, |e| e.0);
+            if let Some(round) = rounds.iter_mut().find(|r| r.accepted && r.winner == name) {
+                (round.winner, round.mean) = (new, best.mean.clone());
+                round.entrants.clear();
+            }
+            *fit = best;
+            break;
+        }
+        Ok(())
+    }
+}
