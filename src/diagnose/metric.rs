@@ -257,6 +257,13 @@ mod tests {
     }
 
     #[test]
+    fn a_number_that_another_can_stand_in_for_is_told_by_how_much_its_variance_grows() {
+        // 1 / (1 - c^2) with the squared cosine 0.81 / 1.06.
+        let expected = 1.06 / 0.25;
+        assert!((0..2).all(|j| (metric().inflation(j) - expected).abs() < 1e-3));
+    }
+
+    #[test]
     fn a_number_that_nothing_tells_is_as_uncertain_as_it_was() {
         let mut blind = metric();
         blind.directions.column_mut(1).fill(0.0);
