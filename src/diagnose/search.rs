@@ -28,7 +28,7 @@ const LIKENESS: f64 = 0.2;
 
 /// Share of the first excess that a further effect must explain: an approximate signature of a strong
 /// effect leaves that much.
-const REMAINDER: f64 = 0.001;
+pub(super) const REMAINDER: f64 = 0.001;
 
 /// The search's end.
 pub(super) struct Found {

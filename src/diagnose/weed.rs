@@ -6,14 +6,14 @@ use rayon::prelude::*;
 use super::fit::Fit;
 use super::own::{MEAN, Own};
 use super::reference::{Reference, Signature};
-use super::search::Judge;
+use super::search::{Judge, REMAINDER};
 use super::tournament::{NEAR, ROUNDS_BESIDE, Round, SOME};
 use crate::error::{Error, Result};
 
 /// Variance of an amplitude over what it would be if all other numbers were known, from which on others may stand in for it: a cosine of 0.9.
 const STOOD_IN_FOR: f64 = 5.0;
 
-/// Rise of the cost from which on an effect is not dispensed with: three and a half deviations.
+/// Rise of the cost from which on an effect is not dispensed with, beside the remainder that a strong one leaves: three and a half deviations.
 const DISPENSED: f64 = 12.0;
 
 impl Reference {
@@ -38,6 +38,7 @@ impl Reference {
 
     /// The weakest effect without which the data are as likely, and the fit without it.
     fn dispensable(&self, fit: &Fit, own: &Own, data: &DVector<f64>) -> Result<Option<(usize, Fit)>> {
+        let worth = DISPENSED + REMAINDER * fit.length_of(&(data - &self.mean));
         let amplitude = |e: usize| fit.knobs_of(e).start;
         let strength = |e: usize| fit.u[amplitude(e)].abs() / own.deviations[amplitude(e)];
         let mut places: Vec<usize> = (0..fit.effects.len()).collect();
@@ -49,7 +50,7 @@ impl Reference {
             let mut without = self.refine(fit.without(place), data, ROUNDS_BESIDE[0], SOME)?;
             self.evaluate(&mut without, data, MEAN)?;
             // An interval that holds zero is no evidence, whatever the misfit gains.
-            if strength(place) < 2.0 || without.cost < fit.cost + DISPENSED {
+            if strength(place) < 2.0 || without.cost < fit.cost + worth {
                 return Ok(Some((place, without)));
             }
         }
