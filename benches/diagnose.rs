@@ -3,8 +3,8 @@
 //! `cargo bench --bench diagnose -- FOLDER [--nulls N] [--singles N] [--unknown N] [--doubles N] [--triples N]
 //! [--names A,B] [--only TEXT] [--minutes M] [--profile]` adds sensors to FOLDER, one JSON file each, and leaves those alone that
 //! this version of the code has judged; `--report FILE` writes the tables of what is there, `--records FILE` takes over and keeps
-//! what was judged as one file of lines, `--profile` prints the seconds
-//! of every phase, `--only` takes sensors whose id holds TEXT, and `--large` takes sets of 128x96 pixels and 10,000 readouts.
+//! what was judged as one file of lines, `--profile` prints the seconds of every phase, `--only` takes sensors whose id holds
+//! TEXT, and `--large` takes sets of 128x96 pixels and 10,000 readouts, which need a folder and a file of their own.
 
 #[path = "../tests/hidden_sensor/mod.rs"]
 mod hidden_sensor;
@@ -199,7 +199,7 @@ fn shared(args: &Args) -> (Reference, Strengths) {
     let file = folder.join("nameable.txt");
     let version = version::digest();
     let known = std::fs::read_to_string(&file).ok().and_then(|t| serde_json::from_str::<Value>(&t).ok());
-    if let Some(rows) = known.filter(|k| k["version"] == version.as_str()) {
+    if let Some(rows) = known.filter(|k| k["version"] == version) {
         let strengths = rows["nameable"].as_array().into_iter().flatten();
         let strength = |n: &Value| Some((n["name"].as_str()?.to_owned(), n["strength"].as_f64()?));
         std::fs::remove_dir_all(&clean).unwrap();

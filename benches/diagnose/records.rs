@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::Value;
 
 /// What neither a table nor a question about a failure needs.
-const LEFT_OUT: [&str; 4] = ["settle", "not_testable", "notes", "camera"];
+const LEFT_OUT: [&str; 3] = ["settle", "not_testable", "notes"];
 
 fn read(path: &Path) -> Option<Value> {
     serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()
@@ -31,7 +31,8 @@ pub fn all(folder: &Path) -> Vec<Value> {
 
 /// Writes the records of this version that `lines` holds and `folder` does not.
 pub fn restore(lines: &Path, folder: &Path) {
-    let text = std::fs::read_to_string(lines).unwrap_or_default();
+    // A file that cannot be read would be overwritten at the end.
+    let text = if lines.exists() { std::fs::read_to_string(lines).unwrap() } else { String::new() };
     let records = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
     for record in records.filter(of_this_version) {
         let Some(id) = record["id"].as_str() else { continue };

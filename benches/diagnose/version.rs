@@ -1,5 +1,7 @@
 //! Which code judged a sensor: results of two versions must not share a table.
 
+use std::sync::LazyLock;
+
 /// What decides on a diagnosis, and what makes the sensors.
 const SOURCES: [&str; 32] = [
     include_str!("../../src/diagnose/bits.rs"),
@@ -37,7 +39,12 @@ const SOURCES: [&str; 32] = [
 ];
 
 /// FNV-1a of the sources, in hexadecimal digits.
-pub fn digest() -> String {
+pub fn digest() -> &'static str {
+    static DIGEST: LazyLock<String> = LazyLock::new(hashed);
+    &DIGEST
+}
+
+fn hashed() -> String {
     let bytes = SOURCES.iter().flat_map(|s| s.bytes());
     let hash =
         bytes.fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01B3));

@@ -113,9 +113,9 @@ impl Fit {
         self.cost + 2.0 * self.u.len() as f64
     }
 
-    /// Signatures of effects that it does not have.
-    pub fn open<'a>(&self, signatures: &'a [Signature]) -> Vec<&'a Signature> {
-        signatures.iter().filter(|s| self.effects.iter().all(|e| e.0 != s.candidate.name)).collect()
+    /// Whether it does not have the effect of this signature.
+    pub fn lacks(&self, signature: &Signature) -> bool {
+        self.effects.iter().all(|e| e.0 != signature.candidate.name)
     }
 
     /// Number of base knobs.

@@ -69,7 +69,7 @@ impl Reference {
         let noise =
             self.own_noise(fit, &each, &mean, each.len() as f64)?.unwrap_or_else(|| self.noise.clone());
         let metric = Metric::new(&noise, fit.directions(self)).knowing(&known);
-        let open: Vec<&Signature> = fit.open(&self.signatures);
+        let open: Vec<&Signature> = self.signatures.iter().filter(|s| fit.lacks(s)).collect();
         let strays: Vec<[f64; 3]> =
             each.iter().map(|s| self.strays_by(&metric, &(s - &mean), &open)).collect();
         let highest = |i: usize| strays.iter().map(|s| s[i]).fold(0.0, f64::max);

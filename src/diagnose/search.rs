@@ -129,7 +129,8 @@ pub(super) fn search(
 impl Reference {
     /// Whether anything about what is `off` the mean of `fit` is beyond what its own sensors show.
     fn alarm(&self, fit: &Fit, own: &Own, off: &DVector<f64>, signatures: &[Signature]) -> bool {
-        let [misfit, deviation, score] = self.strays_by(&own.metric, off, &fit.open(signatures));
+        let open: Vec<&Signature> = signatures.iter().filter(|s| fit.lacks(s)).collect();
+        let [misfit, deviation, score] = self.strays_by(&own.metric, off, &open);
         misfit > own.limits.misfit || deviation > own.limits.deviation || score > own.limits.score
     }
 

@@ -170,11 +170,8 @@ impl Reference {
         off: &DVector<f64>,
         signatures: &[&'a Signature],
     ) -> Vec<(f64, &'a Signature)> {
-        let mut ranked: Vec<(f64, f64, &Signature)> = signatures
-            .par_iter()
-            .filter(|s| fit.effects.iter().all(|e| e.0 != s.candidate.name))
-            .map(|s| promise(metric, off, s))
-            .collect();
+        let mut ranked: Vec<(f64, f64, &Signature)> =
+            signatures.par_iter().filter(|s| fit.lacks(s)).map(|s| promise(metric, off, s)).collect();
         ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
         let best = ranked.first().map_or(0.0, |r| r.0);
         let mut entrants: Vec<(f64, &Signature)> = Vec::new();

@@ -10,7 +10,7 @@ use crate::spikes::{Geometry, set_bit};
 /// Rates of silence, of rare and of dense words, and of every readout.
 const RATES: [f64; 7] = [0.0, 0.0005, 0.01, 0.05, 0.2, 0.6, 1.0];
 
-/// Measures two blocks, the second one not full, of pixels whose spikes are `jitter` of chance and otherwise regular.
+/// Measures three blocks, the last one not full, of pixels whose spikes are `jitter` of chance and otherwise regular.
 fn measure(width: u32, jitter: f64, seed: u64, process: fn(&mut State, &Block, u32)) -> Intervals {
     let geometry = Geometry::new(width, 3).unwrap();
     let mut block = Block::new(geometry, 0..3);
