@@ -150,6 +150,15 @@ impl Fit {
         next
     }
 
+    /// Without one of its effects, the other numbers moved to where they take its part over: by a linear step in `metric`, which has
+    /// its numbers as directions, as far as one is trusted.
+    pub fn without_and_moved(&self, effect: usize, metric: &Metric) -> Self {
+        let amplitude = self.knobs_of(effect).start;
+        let (step, bounds) = (metric.along(amplitude, -self.u[amplitude]), self.bounds());
+        let by = |j: usize| step[j].clamp(bounds[j].low, bounds[j].high);
+        self.moved(&DVector::from_fn(self.u.len(), |j, _| by(j))).without(effect)
+    }
+
     /// A copy of which the effects are about to change: nothing that was simulated holds for it.
     fn of_other_effects(&self) -> Self {
         Self { at: Vec::new(), taken: Taken::default(), ..self.clone() }

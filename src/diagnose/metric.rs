@@ -184,6 +184,12 @@ impl Metric {
         self.information[(j, j)] * self.covariance()[(j, j)]
     }
 
+    /// Moves of all positions where that along direction `j` moves by `by` and the others take over what they can of it.
+    pub fn along(&self, j: usize, by: f64) -> DVector<f64> {
+        let covariance = self.covariance();
+        covariance.column(j) * (by / covariance[(j, j)])
+    }
+
     /// What is left of `off` after a step along the directions.
     pub fn after(&self, off: &DVector<f64>, step: &DVector<f64>) -> DVector<f64> {
         off - &self.directions * step
@@ -261,6 +267,13 @@ mod tests {
         // 1 / (1 - c^2) with the squared cosine 0.81 / 1.06.
         let expected = 1.06 / 0.25;
         assert!((0..2).all(|j| (metric().inflation(j) - expected).abs() < 1e-3));
+    }
+
+    #[test]
+    fn others_take_over_what_they_can_of_a_number_that_goes() {
+        // The second goes to where what is left, 0.9 of it in the first statistic and 0.5 in the other, is shortest.
+        let moved = metric().along(0, -1.0);
+        assert!((moved[0] + 1.0).abs() < 1e-12 && (moved[1] - 0.9 / 1.06).abs() < 1e-5, "{moved}");
     }
 
     #[test]

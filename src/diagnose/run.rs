@@ -83,7 +83,11 @@ pub fn diagnose(
         }
     };
     let held = DVector::from_vec(other.measure(holdout.unwrap_or(set))?.values);
-    let judge = Judge { data: &held, setup: (first != second).then_some(&other) };
+    let judge = Judge {
+        data: &held,
+        setup: (first != second).then_some(&other),
+        held_out: holdout.is_some() || !alone,
+    };
     let signatures = with_line(reference, &setup, &measured)?;
     let mut found = search(reference, &signatures, &data, &judge, progress)?;
     let mut diagnosis = outcome(reference, &mut found, &data, options.camera)?;

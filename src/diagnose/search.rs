@@ -48,6 +48,8 @@ pub(super) struct Judge<'a> {
     pub data: &'a DVector<f64>,
     /// The protocol, where it is not that of the fitted set.
     pub setup: Option<&'a Setup>,
+    /// Whether it is other data than what was fitted.
+    pub held_out: bool,
 }
 
 impl Judge<'_> {
@@ -91,8 +93,9 @@ pub(super) fn search(
         let after = judge.off(reference, &next)?;
         let (b, a) = (fit.deviance_of(&off), next.deviance_of(&after));
         let whole = fit.length_of(&(judge.data - &reference.mean));
-        let accepted =
-            b - a > BETTER + 0.02 * b.clamp(0.0, 1e4) / (1.0 + fit.effects.len() as f64) + REMAINDER * whole;
+        let worth = BETTER + 0.02 * b.clamp(0.0, 1e4) / (1.0 + fit.effects.len() as f64) + REMAINDER * whole;
+        // What was fitted is also made likelier by a model that strays more, of which it need not come nearer.
+        let accepted = b - a > worth && (judge.held_out || next.misfit < fit.misfit);
         if !accepted {
             turned_down.push(round.winner);
         }

@@ -4,6 +4,7 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::fit::Fit;
+use super::metric::Metric;
 use super::own::{MEAN, Own};
 use super::reference::{Reference, Signature};
 use super::search::{Judge, REMAINDER};
@@ -47,14 +48,26 @@ impl Reference {
             if strength(place) > 3.0 && own.metric.inflation(amplitude(place)) < STOOD_IN_FOR {
                 continue;
             }
-            let mut without = self.refine(fit.without(place), data, ROUNDS_BESIDE[0], SOME)?;
-            self.evaluate(&mut without, data, MEAN)?;
+            let without = self.refitted_without(fit, place, &own.metric, data)?;
             // An interval that holds zero is no evidence, whatever the misfit gains.
             if strength(place) < 2.0 || without.cost < fit.cost + worth {
                 return Ok(Some((place, without)));
             }
         }
         Ok(None)
+    }
+
+    /// The likelier of two fits without an effect: from where the other numbers were, and from where it would take them.
+    fn refitted_without(&self, fit: &Fit, place: usize, metric: &Metric, data: &DVector<f64>) -> Result<Fit> {
+        let starts = [fit.without(place), fit.without_and_moved(place, metric)];
+        let refit = |start: Fit| -> Result<Fit> {
+            let mut fit = self.refine(start, data, ROUNDS_BESIDE[0], SOME)?;
+            self.evaluate(&mut fit, data, MEAN)?;
+            Ok(fit)
+        };
+        let [stayed, moved] = starts.map(refit);
+        let (stayed, moved) = (stayed?, moved?);
+        Ok(if moved.cost < stayed.cost { moved } else { stayed })
     }
 
     /// Tries another name in the place of each accepted one, now that the others are known.
