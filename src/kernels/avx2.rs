@@ -99,6 +99,10 @@ const fn repeated(table: [i8; 16]) -> [i8; 32] {
 static LOW: [i8; 32] = repeated(gauss::LOW);
 static HIGH: [i8; 32] = repeated(gauss::HIGH);
 
+/// Sixteen words of 32 bits as unpacking leaves them: the first vector holds pixels 0 to 3 and 8 to 11, the second the others.
+///
+/// In the order of memory every packing, unpacking and comparison needed a permutation across the vector's middle, with several
+/// times the latency, and one readout waits for the next through a chain of them. Loads pay for it instead, mostly once a vector.
 type Pair = [__m256i; 2];
 type PairF = [__m256; 2];
 
@@ -115,9 +119,8 @@ impl Avx2 {
 
     /// Sixteen words out of two vectors of 32-bit words below 65,536.
     #[inline(always)]
-    fn pack(self, a: __m256i, b: __m256i) -> __m256i {
-        // Packing works within halves; the permutation puts the quarters in order.
-        proven!(_mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packus_epi32(a, b)))
+    fn pack(self, [a, b]: Pair) -> __m256i {
+        proven!(_mm256_packus_epi32(a, b))
     }
 }
 
@@ -281,7 +284,11 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn load_f(self, from: &[f32], at: usize) -> PairF {
         let from = &from[at..at + 16];
-        memory!([_mm256_loadu_ps(from.as_ptr()), _mm256_loadu_ps(from[8..].as_ptr())])
+        let quarter = |i: usize| memory!(_mm_loadu_ps(from[i..i + 4].as_ptr()));
+        proven!([
+            _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(quarter(0)), quarter(8)),
+            _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(quarter(4)), quarter(12)),
+        ])
     }
     #[inline(always)]
     fn splat_f(self, v: f32) -> PairF {
@@ -290,18 +297,20 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn bytes_to_f(self, from: &[u8], at: usize) -> PairF {
         let from = &from[at..at + 16];
-        memory!([
-            _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64(from.as_ptr().cast()))),
-            _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64(from[8..].as_ptr().cast()))),
-        ])
+        let bytes = memory!(_mm_loadu_si128(from.as_ptr().cast()));
+        proven!({
+            let ordered = _mm_shuffle_epi32::<0b11_01_10_00>(bytes);
+            [
+                _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(ordered)),
+                _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_unpackhi_epi64(ordered, ordered))),
+            ]
+        })
     }
     #[inline(always)]
     fn shorts_to_f(self, from: &[u16], at: usize) -> PairF {
         let from = &from[at..at + 16];
-        memory!([
-            _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(_mm_loadu_si128(from.as_ptr().cast()))),
-            _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(_mm_loadu_si128(from[8..].as_ptr().cast()))),
-        ])
+        let shorts = memory!(_mm256_loadu_si256(from.as_ptr().cast()));
+        self.to_f(self.join(self.splat(0), shorts))
     }
     #[inline(always)]
     fn add_f(self, a: PairF, b: PairF) -> PairF {
@@ -363,7 +372,7 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn load_words(self, from: &[u32], at: usize) -> Pair {
-        [self.load_pairs(from, at), self.load_pairs(from, at + 8)]
+        self.bits_of_f(self.load_f(bytemuck::cast_slice(from), at))
     }
     #[inline(always)]
     fn splat_w(self, v: u32) -> Pair {
@@ -404,7 +413,12 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn greater_w(self, a: Pair, b: Pair) -> __m256i {
         let [first, second] = both_of!(i => proven!(_mm256_cmpgt_epi32(a[i], b[i])));
-        proven!(_mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi32(first, second)))
+        proven!(_mm256_packs_epi32(first, second))
+    }
+    #[inline(always)]
+    fn select_w(self, m: __m256i, a: Pair, b: Pair) -> Pair {
+        let m = self.join(m, m);
+        both_of!(i => proven!(_mm256_blendv_epi8(b[i], a[i], m[i])))
     }
     #[inline(always)]
     fn gather(self, table: &[u32], index: Pair) -> Pair {
@@ -417,30 +431,19 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn low(self, a: Pair) -> __m256i {
-        let [first, second] = both_of!(i => proven!(_mm256_and_si256(a[i], _mm256_set1_epi32(0xffff))));
-        self.pack(first, second)
+        self.pack(both_of!(i => proven!(_mm256_and_si256(a[i], _mm256_set1_epi32(0xffff)))))
     }
     #[inline(always)]
     fn high(self, a: Pair) -> __m256i {
-        let [first, second] = both_of!(i => proven!(_mm256_srli_epi32::<16>(a[i])));
-        self.pack(first, second)
+        self.pack(both_of!(i => proven!(_mm256_srli_epi32::<16>(a[i]))))
     }
     #[inline(always)]
     fn join(self, high: __m256i, low: __m256i) -> Pair {
-        proven!({
-            let first = _mm256_unpacklo_epi16(low, high);
-            let second = _mm256_unpackhi_epi16(low, high);
-            [
-                _mm256_permute2x128_si256::<0x20>(first, second),
-                _mm256_permute2x128_si256::<0x31>(first, second),
-            ]
-        })
+        proven!([_mm256_unpacklo_epi16(low, high), _mm256_unpackhi_epi16(low, high)])
     }
     #[inline(always)]
     fn widen(self, a: __m256i) -> Pair {
-        proven!([
-            _mm256_cvtepi16_epi32(_mm256_castsi256_si128(a)),
-            _mm256_cvtepi16_epi32(_mm256_extracti128_si256::<1>(a)),
-        ])
+        let doubled = self.join(a, a);
+        both!(doubled => proven!(_mm256_srai_epi32::<16>(doubled)))
     }
 }

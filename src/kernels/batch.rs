@@ -155,18 +155,21 @@ impl<'a> Batch<'a> {
 
     /// Hash words, one set per readout.
     #[must_use]
+    #[inline]
     pub fn rounds(&self) -> &Rounds {
         &self.rounds
     }
 
     /// What the rarer operations need.
     #[must_use]
+    #[inline]
     pub fn modulation(&self) -> &Modulation {
         &self.modulation
     }
 
     /// The segments with the readouts of the batch that each covers.
     #[must_use]
+    #[inline]
     pub fn segments(&self) -> &[(Range<usize>, Light<'a>)] {
         &self.segments
     }
@@ -222,18 +225,21 @@ impl<'a> Job<'a> {
 
     /// The padded pixels of the tile.
     #[must_use]
+    #[inline]
     pub fn range(&self) -> Range<usize> {
         self.range.clone()
     }
 
     /// Number of padded pixels.
     #[must_use]
+    #[inline]
     pub fn pixels(&self) -> usize {
         self.range.len()
     }
 
     /// Bytes of the tile's bits at one readout.
     #[must_use]
+    #[inline]
     pub fn tile_bytes(&self) -> usize {
         self.range.len() / 8
     }

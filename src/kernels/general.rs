@@ -222,7 +222,7 @@ fn switched<L: Lanes>(
 
 #[inline(always)]
 fn select_f<L: Lanes>(l: L, m: L::Mask, a: L::Float, b: L::Float) -> L::Float {
-    l.f_of_bits(rare::select_word(l, m, l.bits_of_f(a), l.bits_of_f(b)))
+    l.f_of_bits(l.select_w(m, l.bits_of_f(a), l.bits_of_f(b)))
 }
 
 /// One readout of `N` pixels; returns the reported bits.

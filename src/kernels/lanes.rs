@@ -27,9 +27,9 @@ pub(crate) trait Lanes: Copy {
     const N: usize;
     /// `N` words of 16 bits, or `N / 2` words of 32: two pixels a word, the even one low.
     type Half: Copy;
-    /// `N` words of 32 bits.
+    /// `N` words of 32 bits, in an order of the implementor's.
     type Word: Copy;
-    /// `N` floats.
+    /// `N` floats, in the order of [`Self::Word`].
     type Float: Copy;
     /// One truth value per pixel.
     type Mask: Copy;
@@ -156,6 +156,12 @@ pub(crate) trait Lanes: Copy {
     fn select_less_w(self, a: Self::Word, b: Self::Word, x: Self::Word, y: Self::Word) -> Self::Word;
     /// `a > b`, signed.
     fn greater_w(self, a: Self::Word, b: Self::Word) -> Self::Mask;
+    /// `a` where the mask holds, else `b`.
+    #[inline(always)]
+    fn select_w(self, m: Self::Mask, a: Self::Word, b: Self::Word) -> Self::Word {
+        let high = self.select(m, self.high(a), self.high(b));
+        self.join(high, self.select(m, self.low(a), self.low(b)))
+    }
     /// `table[index]` for every lane. Panics in debug builds and stays in bounds
     /// in release builds when an index is too large.
     fn gather(self, table: &[u32], index: Self::Word) -> Self::Word;

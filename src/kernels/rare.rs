@@ -149,13 +149,13 @@ pub(super) fn compare_words<L: Lanes>(
     let borrowed = l.and(l.not(reached), l.greater(pixel.surplus, l.splat(0)));
     let fired = l.or(reached, borrowed);
     let less_noise = l.sub_w(charge, noise);
-    let mut reset = select_word(l, reached, l.sub_w(less_noise, threshold), less_noise);
+    let mut reset = l.select_w(reached, l.sub_w(less_noise, threshold), less_noise);
     if rules.kept_remainder != 1.0 {
         let remainder = l.to_f(l.add_w(reset, threshold));
         let kept = fixed(l, l.mul_f(remainder, l.splat_f(rules.kept_remainder)), true);
         reset = l.sub_w(kept, threshold);
     }
-    pixel.set_word(l, select_word(l, fired, reset, charge));
+    pixel.set_word(l, l.select_w(fired, reset, charge));
     pixel.surplus = l.sub_where(borrowed, pixel.surplus, l.splat(1));
     for _ in 0..rules.extra_thresholds {
         let more = l.and(reached, l.not_less(pixel.charge, l.splat(0)));
@@ -167,12 +167,6 @@ pub(super) fn compare_words<L: Lanes>(
         pixel.held_fraction = l.select(fired, l.low(fresh), pixel.held_fraction);
     }
     fired
-}
-
-#[inline(always)]
-pub(super) fn select_word<L: Lanes>(l: L, m: L::Mask, a: L::Word, b: L::Word) -> L::Word {
-    let high = l.select(m, l.high(a), l.high(b));
-    l.join(high, l.select(m, l.low(a), l.low(b)))
 }
 
 #[inline(always)]

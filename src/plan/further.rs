@@ -176,18 +176,21 @@ impl Further {
 
     /// Whether a readout depends on the spikes that other pixels had at the one before.
     #[must_use]
+    #[inline]
     pub fn couples(&self) -> bool {
         self.coupling != 0.0 || self.droop != 0.0
     }
 
     /// Whether increments change from readout to readout under the same light.
     #[must_use]
+    #[inline]
     pub fn varies(&self) -> bool {
         self.schedule.is_some() || self.lag.is_some() || self.telegraph.is_some()
     }
 
     /// Height of the sensor in pixels.
     #[must_use]
+    #[inline]
     pub fn height(&self) -> usize {
         self.rows.last().map_or(0, |row| *row as usize + 1)
     }

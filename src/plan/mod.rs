@@ -156,6 +156,7 @@ impl Plan {
 
     /// Width and height.
     #[must_use]
+    #[inline]
     pub fn geometry(&self) -> Geometry {
         self.geometry
     }
@@ -180,24 +181,28 @@ impl Plan {
 
     /// Per-pixel tables.
     #[must_use]
+    #[inline]
     pub fn tables(&self) -> &Tables {
         &self.tables
     }
 
     /// What every readout does.
     #[must_use]
+    #[inline]
     pub fn rules(&self) -> &Rules {
         &self.rules
     }
 
     /// Rules and tables of the rarer operations, if there are any.
     #[must_use]
+    #[inline]
     pub fn further(&self) -> Option<&Further> {
         self.further.as_ref()
     }
 
     /// Whether pixels act on each other, so that a batch is one readout.
     #[must_use]
+    #[inline]
     pub fn couples(&self) -> bool {
         self.further.as_ref().is_some_and(Further::couples)
     }
@@ -229,6 +234,7 @@ impl Plan {
 
     /// Tables for counts of few quanta, if the plan counts quanta.
     #[must_use]
+    #[inline]
     pub fn counts(&self) -> Option<&poisson::Tables> {
         self.counts
     }
