@@ -207,7 +207,7 @@ fn shared(args: &Args) -> (Reference, Strengths) {
     }
     let nameable = reference.nameable();
     phases.enter("");
-    println!("reference in {seconds:.1} s, limits {:?}", reference.limits);
+    println!("reference in {seconds:.1} s, limits {:?}", reference.limits());
     let table: Vec<Value> = nameable.iter().map(|n| serde_json::to_value(n).unwrap()).collect();
     for n in &nameable {
         println!("  {:<24} {} {:.3e}, like {} ({:+.2})", n.name, n.key, n.strength, n.nearest, n.alike);

@@ -3,13 +3,17 @@
 use std::sync::LazyLock;
 
 /// What decides on a diagnosis, and what makes the sensors.
-const SOURCES: [&str; 32] = [
+const SOURCES: [&str; 38] = [
     include_str!("../../src/diagnose/bits.rs"),
     include_str!("../../src/diagnose/candidates.rs"),
+    include_str!("../../src/diagnose/derivatives.rs"),
     include_str!("../../src/diagnose/edges.rs"),
     include_str!("../../src/diagnose/events.rs"),
+    include_str!("../../src/diagnose/extent.rs"),
     include_str!("../../src/diagnose/fit.rs"),
     include_str!("../../src/diagnose/interval.rs"),
+    include_str!("../../src/diagnose/likelihood.rs"),
+    include_str!("../../src/diagnose/limits.rs"),
     include_str!("../../src/diagnose/lines.rs"),
     include_str!("../../src/diagnose/maps.rs"),
     include_str!("../../src/diagnose/metric.rs"),
@@ -18,6 +22,8 @@ const SOURCES: [&str; 32] = [
     include_str!("../../src/diagnose/outcome.rs"),
     include_str!("../../src/diagnose/own.rs"),
     include_str!("../../src/diagnose/quiet.rs"),
+    include_str!("../../src/diagnose/recorded.rs"),
+    include_str!("../../src/diagnose/redraw.rs"),
     include_str!("../../src/diagnose/reference.rs"),
     include_str!("../../src/diagnose/run.rs"),
     include_str!("../../src/diagnose/scan.rs"),

@@ -2,8 +2,8 @@
 
 use super::lines::Lines;
 use super::maps::slope;
+use super::recorded::Scene;
 use super::scan::{STEADY, Scan, dark_windows};
-use super::setup::Scene;
 use super::spread::Spread;
 use super::vector::{Vector, ln};
 use super::wave::Stretch;

@@ -3,9 +3,10 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::candidates::Candidate;
-use super::metric::{Bound, Metric, Noise};
+use super::likelihood::Likelihood;
+use super::metric::{Bound, Metric};
 use super::model::{Model, Scale};
-use super::reference::{Reference, Signature, average};
+use super::reference::{Reference, Signature};
 use super::slope::{Secant, Taken};
 use crate::error::Result;
 
@@ -35,23 +36,6 @@ pub(super) struct Fit {
     pub cost: f64,
 }
 
-/// The noise of a fitted model. Rare events and strong noise make sets differ that the null would
-/// call far apart; a model is judged by how likely *it* makes the data.
-#[derive(Clone, Debug)]
-struct Likelihood {
-    metric: Metric,
-    noise: Noise,
-    /// Logarithm of the noise's determinant over the null's.
-    spread: f64,
-}
-
-impl Likelihood {
-    /// Twice the negative logarithm of the likelihood, less a constant.
-    fn deviance(&self, off: &DVector<f64>) -> f64 {
-        self.metric.square(off) + self.spread
-    }
-}
-
 /// How strongly a number of the base model is drawn back to its calibrated value: as by a measurement to a half of it.
 /// Without that, two that the set hardly tells apart, such as the spreads of gain and of threshold, wander.
 pub(super) const LEANING: f64 = 4.0;
@@ -61,13 +45,6 @@ const WORTH: (f64, f64) = (0.5, 0.003);
 
 /// Move of a number of the base model from which on a step is always simulated: the cost is free along these, and promises nothing.
 const WORTH_OF_BASE: f64 = 0.1;
-
-/// Simulations that the null's variances count for beside a model's own few.
-const PRIOR: f64 = 10.0;
-
-/// Ratio of variances from which on a model's own are believed: three deviations of a ratio of one
-/// with [`PRIOR`] and eight simulations.
-const WIDER: f64 = 1.6;
 
 impl Fit {
     /// The base model.
@@ -246,47 +223,6 @@ impl Reference {
         fit.likelihood = self.likelihood(fit)?;
         fit.cost = fit.likelihood.deviance(&off);
         Ok(())
-    }
-
-    fn likelihood(&self, fit: &Fit) -> Result<Likelihood> {
-        let plain = Likelihood { metric: self.metric.clone(), noise: self.noise.clone(), spread: 0.0 };
-        if fit.each.len() < 2 {
-            return Ok(plain);
-        }
-        let Some(noise) = self.own_noise(fit, &fit.each, &average(&fit.each), fit.each.len() as f64 - 1.0)?
-        else {
-            return Ok(plain);
-        };
-        let spread = noise.log_determinant() - self.noise.log_determinant();
-        Ok(Likelihood { metric: Metric::new(&noise, self.jacobian.clone()), noise, spread })
-    }
-
-    /// The noise of simulations of a fitted model about `mean`; `None` where it is the null's.
-    pub(super) fn own_noise(
-        &self,
-        fit: &Fit,
-        each: &[DVector<f64>],
-        mean: &DVector<f64>,
-        freedom: f64,
-    ) -> Result<Option<Noise>> {
-        let off: Vec<DVector<f64>> =
-            each.iter().map(|s| self.without_events(s - mean, &fit.events)).collect();
-        let factors = self.factors(&off, freedom);
-        if factors.iter().all(|f| *f == 1.0) && fit.events.is_empty() {
-            return Ok(None);
-        }
-        self.noise.scaled(&factors)?.with_columns(&fit.events).map(Some)
-    }
-
-    /// By how much every statistic's deviation exceeds the null's, one where it hardly does.
-    fn factors(&self, off: &[DVector<f64>], freedom: f64) -> Vec<f64> {
-        let factor = |j: usize| {
-            let own = off.iter().map(|s| s[j].powi(2)).sum::<f64>();
-            let null = self.noise.covariance[(j, j)];
-            let ratio = (own + PRIOR * null) / (freedom + PRIOR) / null;
-            if ratio > WIDER { ratio.sqrt() } else { 1.0 }
-        };
-        (0..self.spread.len()).map(factor).collect()
     }
 
     /// Gauss-Newton from where `fit` stands, `rounds` at most, each mean from `count` simulations.

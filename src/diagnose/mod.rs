@@ -10,10 +10,15 @@
 
 mod bits;
 mod candidates;
+mod derivatives;
+mod diagnosis;
 mod edges;
 mod events;
+mod extent;
 mod fit;
 mod interval;
+mod likelihood;
+mod limits;
 mod lines;
 mod maps;
 mod metric;
@@ -25,6 +30,8 @@ mod page;
 mod picture;
 mod quiet;
 mod rebase;
+mod recorded;
+mod redraw;
 mod reference;
 mod run;
 mod scan;
@@ -41,13 +48,16 @@ mod vector;
 mod wave;
 mod weed;
 
+pub use diagnosis::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
+pub use extent::{Extent, Part};
+pub use limits::Limits;
 pub use nameable::{Nameable, SCORE};
-pub use outcome::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
 pub use page::page;
 pub use picture::{Picture, Trace};
-pub use reference::{Limits, Progress, Reference};
+pub use recorded::Scene;
+pub use reference::{Progress, Reference};
 pub use run::{Options, diagnose};
-pub use setup::{Extent, Part, Scene, Setup};
+pub use setup::Setup;
 pub use still::Still;
 pub use vector::Statistic;
 

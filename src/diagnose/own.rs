@@ -4,9 +4,10 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::fit::{Fit, LEANING, trust};
+use super::limits::{Limits, centre, gamma_limit};
 use super::metric::Metric;
 use super::model::LAMP;
-use super::reference::{Limits, Reference, Signature, gamma_limit};
+use super::reference::{Reference, Signature};
 use super::slope::Secant;
 use super::tournament::SOME;
 use crate::draws::pattern::Pattern;
@@ -42,18 +43,16 @@ struct Redrawn {
 
 impl Reference {
     pub(super) fn own_of_base(&self) -> Own {
-        let lengths: Vec<f64> = self.baseline.iter().map(|b| self.metric.square(&(b - &self.mean))).collect();
-        let (floor, floor_sd) = centre(&lengths);
         let known = vec![LEANING; self.model.knobs.len()];
         let deviations = roots(&self.metric.clone().knowing(&known).covariance());
         Own {
             additive: deviations.clone(),
             deviations,
             metric: self.metric.clone(),
-            floor,
-            floor_sd,
-            allowed_floor: floor,
-            limits: self.limits,
+            floor: self.clean.floor,
+            floor_sd: self.clean.floor_sd,
+            allowed_floor: self.clean.floor,
+            limits: self.clean.limits,
             mean: self.mean.clone(),
         }
     }
@@ -84,9 +83,9 @@ impl Reference {
             // The mean itself is known to a part of the noise only.
             limits: Limits {
                 misfit: (1.1 * gamma_limit(&strays.iter().map(|s| s[0]).collect::<Vec<_>>()))
-                    .max(self.limits.misfit),
-                deviation: (1.15 * highest(1)).max(self.limits.deviation),
-                score: (1.15 * highest(2)).max(self.limits.score),
+                    .max(self.clean.limits.misfit),
+                deviation: (1.15 * highest(1)).max(self.clean.limits.deviation),
+                score: (1.15 * highest(2)).max(self.clean.limits.score),
             },
             deviations: missed(&metric, &redrawn, &mean),
             additive: roots(&Metric::new(&self.noise, fit.directions(self)).knowing(&known).covariance()),
@@ -140,11 +139,4 @@ fn missed(metric: &Metric, redrawn: &[Redrawn], mean: &DVector<f64>) -> Vec<f64>
 
 fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
     covariance.diagonal().iter().map(|v| v.sqrt()).collect()
-}
-
-fn centre(values: &[f64]) -> (f64, f64) {
-    let median = crate::measure::median(&mut values.to_vec());
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    (median, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
 }

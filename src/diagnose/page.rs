@@ -1,6 +1,6 @@
 //! The report: one page.
 
-use super::outcome::{Diagnosis, Verdict};
+use super::diagnosis::{Diagnosis, Verdict};
 use super::picture::{Picture, Trace};
 use crate::error::Result;
 use crate::report::{Curve, Part, Row, Table, bars, curves, heat_map, page as render, ranked};

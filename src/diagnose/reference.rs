@@ -5,41 +5,24 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::candidates::{Candidate, OF_THE_SCENE, candidates};
+use super::derivatives::{base_jacobian, lamp_columns};
+use super::limits::{Clean, Limits};
 use super::metric::{Metric, Noise, noise};
 use super::model::{LAMP, Model};
-use super::quiet::quiet;
+use super::redraw::{Redrawn, redraw};
 use super::setup::Setup;
 use super::vector::Statistic;
-use crate::draws::pattern::Pattern;
-use crate::draws::{Seeds, Stream};
 use crate::effects::Camera;
 use crate::error::Result;
 
 /// Simulations at the base model's own numbers.
 const FIXED: usize = 80;
 
-/// Simulations with the fitted numbers redrawn from their posterior.
-const REDRAWN: usize = 120;
-
-/// Simulations for a derivative, on a small sensor and on one of this many pixels, where each tells as much as several.
-const DERIVATIVE: [usize; 2] = [16, 8];
-const LARGE: usize = 20_000;
-
 /// Simulations of the half that judges, where one set is cut in two.
 const HALVES: usize = 24;
 
 /// Simulations of a candidate's signature.
 const SIGNATURE: usize = 2;
-
-/// Parts of the null that are judged by the rest of it.
-const FOLDS: usize = 5;
-
-/// Margin that the total misfit of a real sensor is given. One hidden clean sensor of eight was 4 % above
-/// the limit without it; the figure is a choice, not a measurement.
-const MARGIN: f64 = 1.15;
-
-/// Chance that a clean sensor passes one of the three limits.
-const LEVEL: f64 = 0.001;
 
 /// How a candidate shows at one position.
 #[derive(Clone, Debug)]
@@ -48,17 +31,6 @@ pub(super) struct Signature {
     /// Change of the vector, mean and of each simulation.
     pub mean: DVector<f64>,
     pub each: Vec<DVector<f64>>,
-}
-
-/// Limits that a clean sensor passes once in a thousand times.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
-    /// Total misfit.
-    pub misfit: f64,
-    /// Largest deviation of one statistic, in standard deviations.
-    pub deviation: f64,
-    /// Largest score of a candidate.
-    pub score: f64,
 }
 
 /// Sensors of one kind under one protocol; it serves for every set recorded by that protocol.
@@ -81,8 +53,8 @@ pub struct Reference {
     pub(super) signatures: Vec<Signature>,
     /// Names that cannot be simulated.
     pub(super) missing: Vec<&'static str>,
-    /// What clean sensors keep within.
-    pub limits: Limits,
+    /// What clean sensors show.
+    pub(super) clean: Clean,
 }
 
 /// Told what is being done and the share of it that is.
@@ -126,7 +98,7 @@ impl Reference {
         }
         progress("signatures", 0.8);
         let mut reference = Self {
-            limits: Limits { misfit: 0.0, deviation: 0.0, score: 0.0 },
+            clean: Clean::default(),
             setup,
             model,
             statistics,
@@ -142,9 +114,15 @@ impl Reference {
         };
         let sign = |c: Candidate| reference.signature(c);
         reference.signatures = all.into_par_iter().map(sign).collect::<Result<_>>()?;
-        reference.limits = reference.null(&redrawn, &residuals, &lamps, &floors)?;
+        reference.clean = reference.null(&redrawn, &residuals, &lamps, &floors)?;
         progress("signatures", 1.0);
         Ok(reference)
+    }
+
+    /// What clean sensors keep within.
+    #[must_use]
+    pub fn limits(&self) -> Limits {
+        self.clean.limits
     }
 
     /// How `candidate` shows in a base sensor.
@@ -160,37 +138,6 @@ impl Reference {
         };
         let each = (0..SIGNATURE).into_par_iter().map(one).collect::<Result<Vec<_>>>()?;
         Ok(Signature { candidate, mean: average(&each), each })
-    }
-
-    /// Thresholds from clean sensors with redrawn numbers, each part judged by the noise of the others.
-    fn null(
-        &self,
-        redrawn: &[Redrawn],
-        residuals: &[DVector<f64>],
-        lamps: &DMatrix<f64>,
-        floors: &[f64],
-    ) -> Result<Limits> {
-        let fold = |f: usize| -> Result<Vec<[f64; 3]>> {
-            let others: Vec<DVector<f64>> = residuals
-                .iter()
-                .enumerate()
-                .filter(|(i, _)| i % FOLDS != f)
-                .map(|(_, r)| r.clone())
-                .collect();
-            let metric = Metric::new(&noise(&others, floors)?.with_columns(lamps)?, self.jacobian.clone());
-            let own = redrawn.iter().enumerate().filter(|(i, _)| i % FOLDS == f);
-            let all: Vec<&Signature> = self.signatures.iter().collect();
-            Ok(own.map(|(_, d)| self.strays_by(&metric, &(&d.vector - &self.mean), &all)).collect())
-        };
-        let folds = (0..FOLDS).into_par_iter().map(fold).collect::<Result<Vec<_>>>()?;
-        let all: Vec<[f64; 3]> = folds.into_iter().flatten().collect();
-        let column = |i: usize| all.iter().map(|a| a[i]).collect::<Vec<f64>>();
-        Ok(Limits {
-            // Two simulators of one camera differ in their last digits.
-            misfit: MARGIN * gamma_limit(&column(0)),
-            deviation: gumbel_limit(&column(1)),
-            score: gumbel_limit(&column(2)),
-        })
     }
 
     /// Mean vector of a fitted model from `count` simulations, of which the first are `known`, with the base model's as control
@@ -238,110 +185,8 @@ pub(super) struct Means {
     pub each: Vec<DVector<f64>>,
 }
 
-struct Redrawn {
-    base: DVector<f64>,
-    lamps: DVector<f64>,
-    vector: DVector<f64>,
-}
-
 pub(super) fn average(vectors: &[DVector<f64>]) -> DVector<f64> {
     let mut sum = vectors[0].clone();
     vectors[1..].iter().for_each(|v| sum += v);
     sum / vectors.len() as f64
-}
-
-fn pairs(setup: &Setup) -> usize {
-    DERIVATIVE[usize::from(setup.geometry.pixels() >= LARGE)]
-}
-
-/// Steps for derivatives of base knobs, relative to their values.
-const STEP: f64 = 0.05;
-
-fn base_jacobian(
-    setup: &Setup,
-    model: &Model,
-    seed: u64,
-    baseline: &[DVector<f64>],
-    spread: &[f64],
-) -> Result<DMatrix<f64>> {
-    let n = model.knobs.len();
-    let one = |j: usize| -> Result<DVector<f64>> {
-        let mut u = vec![0.0; n];
-        // The mean gain moves every lattice of intervals; a small step keeps them in place.
-        u[j] = if model.knobs[j].key == "mean" { 0.2 * STEP } else { STEP };
-        let sample = model.sample(&u, &[], setup.scenes.len())?;
-        let change = |i: usize| -> Result<DVector<f64>> {
-            Ok(DVector::from_vec(setup.values(&sample, seed + i as u64)?) - &baseline[i])
-        };
-        let all = (0..pairs(setup)).into_par_iter().map(change).collect::<Result<Vec<_>>>()?;
-        Ok(quiet(average(&all), spread, all.len()) / u[j])
-    };
-    let columns = (0..n).into_par_iter().map(one).collect::<Result<Vec<_>>>()?;
-    Ok(DMatrix::from_columns(&columns))
-}
-
-/// Changes per standard deviation of each lamp; only its own recording is simulated again.
-fn lamp_columns(setup: &Setup, model: &Model, seed: u64, entries: usize) -> Result<DMatrix<f64>> {
-    let still = model.sample(&[], &[], setup.scenes.len())?;
-    if model.lamps.is_empty() {
-        return Ok(DMatrix::zeros(entries, 0));
-    }
-    let step = 3.0;
-    let change = |i: usize| -> Result<Vec<DVector<f64>>> {
-        let mut scans = setup.simulate(&still, seed + i as u64)?;
-        let plain = DVector::from_vec(super::vector::vector(setup, &scans).values);
-        let mut columns = Vec::new();
-        for k in &model.lamps {
-            let mut moved = still.clone();
-            moved.lamps[*k] = 1.0 + step * LAMP;
-            let own = std::mem::replace(&mut scans[*k], setup.scene(&moved, *k, seed + i as u64)?);
-            columns.push((DVector::from_vec(super::vector::vector(setup, &scans).values) - &plain) / step);
-            scans[*k] = own;
-        }
-        Ok(columns)
-    };
-    let all = (0..pairs(setup)).into_par_iter().map(change).collect::<Result<Vec<_>>>()?;
-    let column = |k: usize| average(&all.iter().map(|c| c[k].clone()).collect::<Vec<_>>());
-    Ok(DMatrix::from_columns(&(0..model.lamps.len()).map(column).collect::<Vec<_>>()))
-}
-
-/// Clean sensors whose fitted numbers come from the posterior and whose lamps are off.
-fn redraw(setup: &Setup, model: &Model, seed: u64, rough: &Metric) -> Result<Vec<Redrawn>> {
-    let n = model.knobs.len();
-    let root = rough.covariance().cholesky().map_or_else(|| DMatrix::zeros(n, n), |c| c.l());
-    let one = |i: usize| -> Result<Redrawn> {
-        let own = seed + 10_000 + i as u64;
-        let mut normals =
-            Pattern::new(Seeds { camera: own, shot: 0, sequence: 0 }, Stream::named("diagnose")).normals();
-        let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
-        let base = &root * draw(n);
-        let lamps = draw(model.lamps.len()) * LAMP;
-        let sample = model.sample(base.as_slice(), lamps.as_slice(), setup.scenes.len())?;
-        let vector = DVector::from_vec(setup.values(&sample, own)?);
-        Ok(Redrawn { base, lamps, vector })
-    };
-    (0..REDRAWN).into_par_iter().map(one).collect()
-}
-
-fn moments(values: &[f64]) -> (f64, f64) {
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    (mean, values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0))
-}
-
-/// Upper limit of a gamma law of these moments at [`LEVEL`], by Wilson and Hilferty's cube root.
-pub(super) fn gamma_limit(values: &[f64]) -> f64 {
-    let (mean, variance) = moments(values);
-    let freedom = 2.0 * mean * mean / variance.max(1e-12);
-    let c = 2.0 / (9.0 * freedom);
-    // The normal quantile of LEVEL.
-    let z = 3.09;
-    mean * (1.0 - c + z * c.sqrt()).powi(3)
-}
-
-/// Upper limit of a Gumbel law of these moments at [`LEVEL`].
-fn gumbel_limit(values: &[f64]) -> f64 {
-    let (mean, variance) = moments(values);
-    let beta = (6.0 * variance).sqrt() / std::f64::consts::PI;
-    mean - 0.577_215_7 * beta - beta * (-(1.0 - LEVEL).ln()).ln()
 }

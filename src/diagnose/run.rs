@@ -5,13 +5,15 @@ use std::time::Instant;
 use nalgebra::DVector;
 
 use super::candidates::Candidate;
+use super::diagnosis::Diagnosis;
+use super::extent::{Extent, Part};
 use super::model::published;
-use super::outcome::{Diagnosis, outcome};
+use super::outcome::outcome;
 use super::picture::pictures;
 use super::rebase::rebased;
 use super::reference::{Progress, Reference, Signature};
 use super::search::{Judge, search};
-use super::setup::{Extent, Measured, Part, Setup};
+use super::setup::{Measured, Setup};
 use super::spread::Spread;
 use super::time::{line, power, sharpened};
 use crate::calibrate::{self, Calibration, Light, RecordingSet, Scene as Pattern};
@@ -128,7 +130,7 @@ fn poor(setup: &Setup, with_camera: bool) -> Result<()> {
     if with_camera && (setup.maps || setup.scenes.iter().any(|s| s.still.is_some())) {
         return Ok(());
     }
-    let levels: Vec<f64> = setup.scenes.iter().filter_map(super::setup::Scene::level).collect();
+    let levels: Vec<f64> = setup.scenes.iter().filter_map(super::recorded::Scene::level).collect();
     let lit = levels.iter().filter(|l| **l > 0.0).count();
     if levels.len() >= 3 && lit >= 2 && setup.geometry.width() >= 8 && setup.geometry.height() >= 8 {
         return Ok(());

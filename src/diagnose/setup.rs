@@ -2,7 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::scan::{Look, STEADY, Scan, scan};
+use super::extent::{Extent, Part, cut};
+use super::recorded::Scene;
+use super::scan::{Scan, scan};
 use super::still::{self, Still};
 use super::vector::{Statistic, Vector, vector};
 use crate::calibrate::{Light, Recording, RecordingSet, Scene as Pattern};
@@ -13,92 +15,11 @@ use crate::plan::Plan;
 use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::{Geometry, Packed};
 
-/// Rates up to this have all intervals looked at.
-const DIM: f64 = 0.25;
-
-/// Pixel-readouts of a recording that are judged, readouts that are judged at least, and half periods of a square wave.
-/// What is named is far stronger than what so many show, and a simulation takes as long.
-const ENOUGH: (usize, usize) = (35_000_000, 1250);
-const HALF_PERIODS: usize = 5;
-
-/// Shortest half period after whose edges a response can be seen, in readouts.
-const SHORTEST: usize = STEADY + 40;
-
 /// Fewest readouts of a recording that can be judged.
 const FEWEST: usize = 256;
 
 /// Most pixels of a still scene that are simulated: some 20,000 tell temporal noise to a per cent.
 pub const LARGEST: usize = 20_000;
-
-/// One recording: what stood in front of the camera, and when.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Scene {
-    /// Its file.
-    pub name: String,
-    /// The light.
-    pub light: Light,
-    /// Readouts.
-    pub readouts: usize,
-    /// Readouts of the same recording that came before.
-    pub skip: usize,
-    /// What is known of an unknown scene.
-    pub still: Option<Still>,
-}
-
-impl Scene {
-    /// The uniform level, if it is one.
-    #[must_use]
-    pub fn level(&self) -> Option<f64> {
-        self.light.level()
-    }
-
-    /// Whether the light stays the same over time.
-    #[must_use]
-    pub fn constant(&self) -> bool {
-        !matches!(self.light, Light::Scene(Pattern::Square { .. }))
-    }
-
-    /// Mean light.
-    #[must_use]
-    pub fn brightness(&self) -> f64 {
-        match self.light {
-            Light::Level(level) => level,
-            Light::Scene(Pattern::Square { high, low, .. } | Pattern::Checkerboard { high, low, .. }) => {
-                0.5 * (high + low)
-            }
-            Light::Scene(Pattern::StaticUnknown {}) => self.still.as_ref().map_or(0.0, |s| s.mean),
-        }
-    }
-
-    /// The brightest light.
-    fn greatest(&self) -> f64 {
-        match self.light {
-            Light::Scene(Pattern::Square { high, low, .. } | Pattern::Checkerboard { high, low, .. }) => {
-                high.max(low)
-            }
-            _ => self.still.as_ref().map_or(self.brightness(), |s| s.brightest),
-        }
-    }
-
-    /// Whether the halves of rows are compared: where spikes are many and the light rests.
-    pub(super) fn rows(&self) -> bool {
-        self.constant() && self.still.is_none() && self.brightness() >= 0.09
-    }
-
-    pub(super) fn dim(&self) -> bool {
-        self.constant() && self.brightness() < DIM
-    }
-
-    /// A square wave's half period in readouts, where the light rests long enough after an edge.
-    pub(super) fn half_period(&self) -> Option<usize> {
-        let Light::Scene(Pattern::Square { half_period, .. }) = self.light else { return None };
-        Some(half_period as usize).filter(|h| *h >= SHORTEST)
-    }
-
-    fn look(&self) -> Look {
-        Look { dim: self.dim(), rows: self.rows(), half_period: self.half_period() }
-    }
-}
 
 /// All recordings of a set.
 #[derive(Clone, Debug, PartialEq)]
@@ -129,41 +50,6 @@ pub(super) struct Sample {
 pub(super) struct Measured {
     pub scans: Vec<Scan>,
     pub values: Vec<f64>,
-}
-
-/// How much of large recordings is judged.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Extent {
-    /// The first 35 million pixel-readouts of each, but 1,250 readouts and five half periods of a square wave at least.
-    #[default]
-    Enough,
-    /// All readouts.
-    Everything,
-}
-
-impl Extent {
-    /// Readouts that are judged at most.
-    fn most(self, geometry: Geometry, light: Light) -> usize {
-        let least = match light {
-            Light::Scene(Pattern::Square { half_period, .. }) => HALF_PERIODS * half_period as usize,
-            _ => ENOUGH.1,
-        };
-        match self {
-            Self::Enough => (ENOUGH.0 / geometry.pixels()).max(least),
-            Self::Everything => usize::MAX,
-        }
-    }
-}
-
-/// Which part of the recordings is looked at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
-    /// Everything.
-    Whole,
-    /// The readouts up to the middle.
-    First,
-    /// The readouts from the middle on.
-    Second,
 }
 
 impl Setup {
@@ -345,19 +231,4 @@ fn seeds(seed: u64, k: usize) -> Seeds {
 
 fn scan_of(geometry: Geometry, bytes: &[u8], scene: &Scene) -> Result<Scan> {
     Ok(scan(Packed::new(geometry, bytes)?, scene.look()))
-}
-
-fn cut(readouts: usize, light: Light, part: Part) -> (usize, usize) {
-    let middle = match light {
-        Light::Scene(Pattern::Square { half_period, .. }) => {
-            let period = 2 * half_period as usize;
-            readouts / 2 / period * period
-        }
-        _ => readouts / 2,
-    };
-    match part {
-        Part::Whole => (0, readouts),
-        Part::First => (0, middle),
-        Part::Second => (middle, readouts - middle),
-    }
 }

@@ -2,8 +2,9 @@
 
 use super::lines::Lines;
 use super::maps;
+use super::recorded::Scene;
 use super::scan::{Look, PixelScan, Scan, scan};
-use super::setup::{Sample, Scene, Setup};
+use super::setup::{Sample, Setup};
 use super::vector::Vector;
 use crate::calibrate::{RecordingSet, observe};
 use crate::draws::Seeds;

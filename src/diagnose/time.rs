@@ -2,8 +2,8 @@
 
 use realfft::RealFftPlanner;
 
+use super::recorded::Scene;
 use super::scan::Scan;
-use super::setup::Scene;
 use super::vector::{Vector, ln};
 
 /// Highest frequency at which lines are looked for, in cycles per readout: bright pixels' own

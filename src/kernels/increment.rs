@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::draws::{gauss, poisson};
 use crate::kernels::lanes::{CountDraw, Lanes, MOST_COUNTS};
-use crate::kernels::pixels::Constants;
+use crate::kernels::pixels::{Constants, Halves, halves};
 use crate::kernels::{Job, Samples};
 
 // The same numbers as in the reference, which derives them.
@@ -21,8 +21,8 @@ pub(super) struct Increment<L: Lanes> {
     pub low: L::Half,
     /// The fraction with its top bit inverted.
     pub low_flipped: L::Half,
-    /// Steps x 65,536 of the first increment after a spike; only with `ANY`.
-    pub after_spike: L::Word,
+    /// Whole steps and fraction of the first increment after a spike; only with `ANY`.
+    pub after_spike: Halves<L>,
     /// Multiplier of normal noise in whole steps.
     pub multiplier: L::Half,
     /// Whether any pixel of the vector may need [`Fine`].
@@ -55,7 +55,8 @@ impl<L: Lanes> Increment<L> {
         let word = fixed(l, mean, c.clip);
         let mut result = Self::of_halves(l, l.high(word), l.low(word));
         if ANY {
-            result.after_spike = fixed(l, l.mul_f(mean, l.splat_f(c.kept_increment)), c.clip);
+            let word = fixed(l, l.mul_f(mean, l.splat_f(c.kept_increment)), c.clip);
+            result.after_spike = halves(l, word);
         }
         if SHOT {
             let variance = l.add_f(l.mul_f(light, c.slope), c.offset);
@@ -88,7 +89,7 @@ impl<L: Lanes> Increment<L> {
             high,
             low,
             low_flipped: l.xor(low, l.splat(i16::MIN)),
-            after_spike: l.splat_w(0),
+            after_spike: (l.splat(0), l.splat(0)),
             multiplier: l.splat(0),
             any_fine: false,
         }

@@ -4,6 +4,14 @@ use crate::kernels::Job;
 use crate::kernels::lanes::Lanes;
 use crate::plan::{NoiseTable, StateParts};
 
+/// The high and the low half of a word.
+pub(super) type Halves<L> = (<L as Lanes>::Half, <L as Lanes>::Half);
+
+#[inline(always)]
+pub(super) fn halves<L: Lanes>(l: L, word: L::Word) -> Halves<L> {
+    (l.high(word), l.low(word))
+}
+
 /// A vector's state.
 #[derive(Clone, Copy)]
 pub(super) struct Pixels<L: Lanes> {
@@ -63,9 +71,13 @@ impl<L: Lanes> Pixels<L> {
     }
 
     #[inline(always)]
+    pub fn add_halves(&mut self, l: L, (high, low): Halves<L>) {
+        self.add(l, high, low, l.xor(low, l.splat(i16::MIN)));
+    }
+
+    #[inline(always)]
     pub fn add_word(&mut self, l: L, word: L::Word) {
-        let low = l.low(word);
-        self.add(l, l.high(word), low, l.xor(low, l.splat(i16::MIN)));
+        self.add_halves(l, halves(l, word));
     }
 
     /// Charge and fraction as one word.
@@ -113,6 +125,8 @@ pub(super) struct Constants<L: Lanes> {
     pub clip: bool,
     /// Share of the first increment after a spike that stays.
     pub kept_increment: f32,
+    /// The rest of it, of 32,768.
+    pub lost_share: L::Half,
     /// See [`crate::plan::Rules`].
     pub extra_thresholds: u32,
 }
@@ -136,6 +150,7 @@ impl<L: Lanes> Constants<L> {
             offset: none,
             clip: job.plan.rules().clip,
             kept_increment: 1.0,
+            lost_share: zero,
             extra_thresholds: 0,
         }
     }
@@ -165,6 +180,7 @@ impl<L: Lanes> Constants<L> {
             offset,
             clip: rules.clip,
             kept_increment: 1.0 - rules.lost_increment,
+            lost_share: l.splat((rules.lost_increment * 32_768.0) as i16),
             extra_thresholds: rules.extra_thresholds,
         }
     }

@@ -1,0 +1,129 @@
+//! The words in which a diagnosis is given.
+
+use serde::Serialize;
+
+use super::picture::Picture;
+use crate::effects::Camera;
+
+/// The verdict.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Nothing is above its limit.
+    Agrees,
+    /// Effects or misfits are named, and nothing is left.
+    Explained,
+    /// Something is named, and something is left.
+    PartlyExplained,
+    /// Nothing that is named explains what is left.
+    Unknown,
+}
+
+/// A number with its 95 % interval.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Parameter {
+    /// Key.
+    pub name: &'static str,
+    /// In the parameter's unit.
+    pub value: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// An effect that was found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FoundEffect {
+    /// Canonical name.
+    pub name: &'static str,
+    /// Fitted numbers.
+    pub parameters: Vec<Parameter>,
+    /// Names that fit as well within noise.
+    pub tied_with: Vec<&'static str>,
+    /// Whether the name explains less than half of what is there, and so is a likeness only.
+    pub resembles: bool,
+    /// What speaks for it.
+    pub evidence: String,
+}
+
+/// A number of the model that the data contradict.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Misfit {
+    /// `effect.key`.
+    pub parameter: String,
+    /// The model's value.
+    pub model: f64,
+    /// The data's.
+    pub fitted: f64,
+    /// Lower end of its 95 % interval.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+    /// Names that fit as well within noise.
+    pub tied_with: Vec<&'static str>,
+}
+
+/// Something that nothing explains.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Unknown {
+    /// Recording and statistic.
+    pub r#where: String,
+    /// Standard deviations.
+    pub z: f64,
+}
+
+/// Distance of model and data after each step.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Gap {
+    /// On the fitted recordings; the first without any added effect.
+    pub train: Vec<f64>,
+    /// On the others.
+    pub heldout: Vec<f64>,
+    /// What the final model's own sensors have.
+    pub floor: f64,
+    /// Standard deviation of the floor.
+    pub floor_sd: f64,
+}
+
+/// Everything that is said.
+#[derive(Clone, Debug, Serialize)]
+pub struct Diagnosis {
+    /// In one word.
+    pub verdict: Verdict,
+    /// Effects that were added.
+    pub effects: Vec<FoundEffect>,
+    /// Numbers that were wrong.
+    pub misfits: Vec<Misfit>,
+    /// What is left.
+    pub unknown: Vec<Unknown>,
+    /// Distances.
+    pub gap: Gap,
+    /// What to record where names tie.
+    pub settle: Vec<String>,
+    /// Names that this set cannot show.
+    pub not_testable: Vec<&'static str>,
+    /// Seconds that it took.
+    pub seconds: f64,
+    /// Where the held-out data come from, and other remarks.
+    pub notes: Vec<String>,
+    /// The camera with the effects added.
+    #[serde(skip)]
+    pub camera: Camera,
+    /// Plots' numbers.
+    #[serde(skip)]
+    pub traces: Traces,
+}
+
+/// What the report shows.
+#[derive(Clone, Debug)]
+pub struct Traces {
+    /// Statistic, recording, deviation before and after, in standard deviations.
+    pub deviations: Vec<(String, String, f64, f64)>,
+    /// Names with their misfit and whether they tied, by round.
+    pub tournament: Vec<Vec<(&'static str, f64, bool)>>,
+    /// What was added in each step of the gap, and whether it was kept.
+    pub steps: Vec<(&'static str, bool)>,
+    /// The recordings, the model before and the model after.
+    pub pictures: Vec<(&'static str, Picture)>,
+}
