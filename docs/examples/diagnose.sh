@@ -1,6 +1,7 @@
 #!/bin/sh
 # A camera with a hidden effect, from recording to report. Needs `spikelane` in the path; takes a folder, default ./diagnose-example.
 set -eu
+command -v spikelane > /dev/null || { echo "$0: no spikelane in the path; cargo install --path . puts it there" >&2; exit 1; }
 out=${1:-diagnose-example}
 mkdir -p "$out"
 # Pixels start at any phase of their cycle, as those of real cameras do.
