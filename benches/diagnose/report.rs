@@ -28,6 +28,38 @@ fn upper(found: usize, n: usize) -> f64 {
     high
 }
 
+/// The held-out gap before anything was added and at the end, the floor, and the floor's deviation.
+fn gap(record: &Value) -> Option<[f64; 4]> {
+    let gap = &record["said"]["gap"];
+    let last = gap["heldout"].as_array()?.last()?.as_f64()?;
+    Some([gap["heldout"][0].as_f64()?, last, gap["floor"].as_f64()?, gap["floor_sd"].as_f64()?])
+}
+
+/// Sets called explained, and those of them with a held-out excess within the limit.
+#[derive(Clone, Copy)]
+struct Gaps {
+    explained: usize,
+    shrunk: usize,
+}
+
+impl Gaps {
+    fn of(records: &[&Value]) -> Self {
+        let mut gaps = Self { explained: 0, shrunk: 0 };
+        records.iter().for_each(|r| gaps.add(r));
+        gaps
+    }
+
+    fn add(&mut self, record: &Value) {
+        let ("explained", Some([first, last, floor, sd])) =
+            (record["score"]["verdict"].as_str().unwrap_or(""), gap(record))
+        else {
+            return;
+        };
+        self.explained += 1;
+        self.shrunk += usize::from(last - floor <= f64::max(0.01 * (first - floor), 2.0 * sd));
+    }
+}
+
 struct Row {
     n: usize,
     exact: usize,
@@ -35,8 +67,7 @@ struct Row {
     silent: usize,
     covered: usize,
     intervals: usize,
-    explained: usize,
-    shrunk: usize,
+    gaps: Gaps,
     said: BTreeMap<String, usize>,
 }
 
@@ -47,8 +78,7 @@ const EMPTY: Row = Row {
     silent: 0,
     covered: 0,
     intervals: 0,
-    explained: 0,
-    shrunk: 0,
+    gaps: Gaps { explained: 0, shrunk: 0 },
     said: BTreeMap::new(),
 };
 
@@ -64,14 +94,7 @@ fn add(row: &mut Row, record: &Value) {
     for said in names.iter().filter(|n| **n != name) {
         *row.said.entry((*said).to_owned()).or_default() += 1;
     }
-    let gap = &record["said"]["gap"];
-    let (first, last) =
-        (gap["heldout"][0].as_f64(), gap["heldout"].as_array().and_then(|a| a.last()?.as_f64()));
-    if let (Some(first), Some(last), "explained") = (first, last, score["verdict"].as_str().unwrap_or("")) {
-        let (floor, sd) = (gap["floor"].as_f64().unwrap_or(0.0), gap["floor_sd"].as_f64().unwrap_or(0.0));
-        row.explained += 1;
-        row.shrunk += usize::from(last - floor <= f64::max(0.01 * (first - floor), 2.0 * sd));
-    }
+    row.gaps.add(record);
     if let (Some(covered), true) = (covers(record, name), score["exact"] == 1) {
         row.intervals += 1;
         row.covered += usize::from(covered);
@@ -138,6 +161,18 @@ fn nulls(text: &mut String, all: &[&Value]) {
         100.0 * upper(alarms, all.len())
     )
     .unwrap();
+    let gaps: Vec<[f64; 4]> = all.iter().filter_map(|r| gap(r)).collect();
+    let Some([.., floor, sd]) = gaps.first() else { return };
+    let mean = gaps.iter().map(|g| g[1]).sum::<f64>() / gaps.len() as f64;
+    let square = gaps.iter().map(|g| (g[1] - mean).powi(2)).sum::<f64>() / gaps.len() as f64;
+    let above = gaps.iter().filter(|[_, last, floor, sd]| last - floor > 2.0 * sd).count();
+    writeln!(
+        text,
+        "Their held-out gap is {mean:.0} in the mean (deviation {:.0}), the floor of the first is {floor:.0} ({sd:.0}); {above} lie more than two \
+         of the floor's deviations above it.\n",
+        square.sqrt()
+    )
+    .unwrap();
 }
 
 fn singles(text: &mut String, all: &[&Value]) {
@@ -156,8 +191,8 @@ fn singles(text: &mut String, all: &[&Value]) {
         share(exact, n),
         share(tied, n),
         share(covered, intervals),
-        sum(|r| r.explained),
-        sum(|r| r.shrunk)
+        sum(|r| r.gaps.explained),
+        sum(|r| r.gaps.shrunk)
     )
     .unwrap();
     text.push_str("| effect | sensors | exact | exact or tied | agrees | interval holds | other names said |\n|---|---|---|---|---|---|---|\n");
@@ -232,5 +267,11 @@ fn several(text: &mut String, title: &str, all: &[&Value]) {
     let missed = rows.iter().filter(|(_, r)| r[1] < r[0]);
     let missed = list(missed.map(|(n, r)| format!("`{n}` {} of {}", r[0] - r[1], r[0])).collect());
     let wrong = list(wrong.iter().map(|(n, k)| format!("`{n}` {k}")).collect());
-    writeln!(text, "Missed: {missed}. Said wrongly: {wrong}.\n").unwrap();
+    let gaps = Gaps::of(all);
+    writeln!(
+        text,
+        "Missed: {missed}. Said wrongly: {wrong}. Of {} sets called explained, {} have a held-out excess within the limit.\n",
+        gaps.explained, gaps.shrunk
+    )
+    .unwrap();
 }
