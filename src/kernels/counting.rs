@@ -2,6 +2,37 @@
 
 #![cfg_attr(target_arch = "x86_64", allow(unsafe_code, reason = "instructions that were asked for first"))]
 
+#[cfg(target_arch = "x86_64")]
+use super::avx2::Avx2;
+use super::shorts::{AnyCpu, Shorts};
+
+/// Work that also wants vectors of 16-bit integers.
+pub(crate) trait Work {
+    type Out;
+
+    /// Mark it `#[inline(always)]`, as what it calls in its loops.
+    fn run<S: Shorts>(self, shorts: S) -> Self::Out;
+}
+
+/// [`counting`], with the widest vectors of 16-bit integers that this CPU has.
+#[inline]
+pub(crate) fn counting_with<W: Work>(work: W) -> W::Out {
+    #[cfg(target_arch = "x86_64")]
+    {
+        if let Some(shorts) = Avx2::detect().filter(|_| has()) {
+            // SAFETY: the CPU has the features that `enter_with` is compiled with.
+            return unsafe { enter_with(work, shorts) };
+        }
+    }
+    work.run(AnyCpu)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,popcnt,bmi1,bmi2")]
+fn enter_with<W: Work>(work: W, shorts: Avx2) -> W::Out {
+    work.run(shorts)
+}
+
 /// Runs `work` compiled with AVX2, POPCNT and BMI where this CPU has them: without, a count of bits is a dozen
 /// operations. The result is the same. Only what is inlined gains, a large closure
 /// itself as well: mark it `#[inline(always)]`, and what it calls in its loops.

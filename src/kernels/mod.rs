@@ -11,6 +11,8 @@
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
+mod avx2_shorts;
+#[cfg(target_arch = "x86_64")]
 mod avx512;
 #[cfg(target_arch = "x86_64")]
 mod avx512_counts;
@@ -29,13 +31,17 @@ mod portable;
 mod rare;
 pub mod reference;
 mod reference_further;
+mod shorts;
 mod step;
 mod wide_lanes;
 
 pub use backend::Backend;
 pub use batch::{Batch, Job, Light, NoiseRound, Rounds, Samples, Segment};
-pub(crate) use counting::counting;
+pub(crate) use counting::{Work, counting, counting_with};
 pub use modulation::Modulation;
+#[cfg(test)]
+pub(crate) use shorts::AnyCpu;
+pub(crate) use shorts::{SHORTS, Shorts};
 
 use crate::plan::StateParts;
 

@@ -91,7 +91,14 @@ impl Block {
         let slot = &mut self.words[self.len * self.frame_words..(self.len + 1) * self.frame_words];
         let width = self.geometry.width();
         let below = (self.rows.end + 1).min(self.geometry.height());
-        for (row, out) in (self.rows.start..below).zip(slot.chunks_exact_mut(self.stride)) {
+        let rows = self.rows.start..below;
+        if width.is_multiple_of(8) && width >= 64 {
+            let bytes = width / 8;
+            let frame = &frame[rows.start * bytes..rows.end * bytes];
+            frame.chunks_exact(bytes).zip(slot.chunks_exact_mut(self.stride)).for_each(copy_bytes);
+            return;
+        }
+        for (row, out) in rows.zip(slot.chunks_exact_mut(self.stride)) {
             copy_bits(frame, row * width, width, out);
         }
     }
@@ -108,6 +115,19 @@ impl Block {
         self.words.copy_within(last..last + self.frame_words, 0);
         self.len = 0;
     }
+}
+
+/// Copies a row of eight bytes or more to whole words, zero-padded; the last word begins behind it or within its last eight bytes.
+#[inline(always)]
+fn copy_bytes((row, out): (&[u8], &mut [u64])) {
+    let Some((last, words)) = out.split_last_mut() else { return };
+    // A loop over the few words of a row costs three times what a copy does.
+    let bytes: &mut [u8] = bytemuck::cast_slice_mut(words);
+    let (whole, rest) = row.split_at(bytes.len());
+    bytes.copy_from_slice(whole);
+    words.iter_mut().for_each(|word| *word = u64::from_le(*word));
+    let end = row.last_chunk().map_or(0, |eight| u64::from_le_bytes(*eight));
+    *last = if rest.is_empty() { 0 } else { end >> (64 - 8 * rest.len()) };
 }
 
 /// Copies `bits` bits from bit `start` of `bytes` to whole words, zero-padded.
@@ -144,4 +164,33 @@ fn partial(bytes: &[u8], at: usize) -> u64 {
     let rest = bytes.get(at..).unwrap_or_default();
     word[..rest.len()].copy_from_slice(rest);
     u64::from_le_bytes(word)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spikes::bit;
+
+    #[test]
+    fn every_bit_is_where_its_row_and_column_say() {
+        for width in 1..=300 {
+            let geometry = Geometry::new(width, 5).unwrap();
+            let frame: Vec<u8> =
+                (0..geometry.frame_bytes() as u32).map(|i| (i * 167 + width) as u8).collect();
+            let mut block = Block::new(geometry, 1..4);
+            block.append(&frame);
+            for row in 0..4 {
+                let words = &block.slot(1)[row * block.stride()..][..block.stride()];
+                for column in 0..64 * block.stride() {
+                    let p = (row + 1) * width as usize + column;
+                    let expected = column < width as usize && bit(&frame, p);
+                    assert_eq!(
+                        words[column / 64] >> (column % 64) & 1 != 0,
+                        expected,
+                        "{width}: {row}, {column}"
+                    );
+                }
+            }
+        }
+    }
 }

@@ -8,12 +8,13 @@
 
 use super::super::block::{Block, CAPACITY};
 use super::LONGEST_LAG;
+use crate::kernels::SHORTS;
 
 /// Words of a pixel's history in one block.
 pub(super) const HISTORY_WORDS: usize = CAPACITY.div_ceil(64);
 
 /// Slack behind the last spike time that table writes and whole lanes need.
-pub(super) const SLACK: usize = 8;
+pub(super) const SLACK: usize = SHORTS;
 
 /// Entries that a pixel's times and its history fill at most, as a power of two: a remainder takes the place of a bounds check.
 const ROOM: usize = 4096;
@@ -79,20 +80,19 @@ impl Histories {
         for chunk in 0..HISTORY_WORDS {
             let from = (chunk * 64).min(block.len());
             let n = (block.len() - from).min(64);
-            let mut squares = [[0; 64]; WORDS];
             let mut any = [0; WORDS];
             for i in 0..n {
                 let words = &block.words()[(from + i + 1) * step + at..][..WORDS];
                 for word in 0..WORDS {
-                    squares[word][i] = words[word];
+                    self.columns[word][chunk][i] = words[word];
                     any[word] |= words[word];
                 }
             }
-            for ((columns, square), any) in self.columns.iter_mut().zip(&mut squares).zip(any) {
+            for (columns, any) in self.columns.iter_mut().zip(any) {
+                columns[chunk][n..].fill(0);
                 if any != 0 {
-                    transpose(square);
+                    transpose(&mut columns[chunk]);
                 }
-                columns[chunk] = *square;
             }
         }
     }

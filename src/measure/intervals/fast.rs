@@ -1,5 +1,5 @@
 //! Sums over the new spikes of a pixel that has been firing for long: 16-bit
-//! times, eight intervals per instruction.
+//! times, sixteen intervals per instruction where the CPU can.
 //!
 //! All times of the block and of the kept history are taken relative to the
 //! oldest one. When that span is at most [`span_limit`], no sum of squared
@@ -10,9 +10,10 @@
 
 use std::ops::Range;
 
-use wide::{i16x8, i32x4, i32x8};
+use wide::{i16x8, i32x8};
 
 use super::pixel::{CUMULATIVE, Pixel};
+use crate::kernels::{SHORTS, Shorts};
 
 /// A sum at each readout of the block. There is a place for every 16-bit time, so that none needs a check; those
 /// behind the block are never touched but for nothing.
@@ -26,13 +27,13 @@ pub(super) fn span_limit(longest: u32) -> u32 {
     sums.min(32_000)
 }
 
-/// Lanes that belong to a chunk with that many of its eight entries.
-const MASKS: [[i16; 8]; 9] = masks();
+/// Lanes that belong to a chunk with that many of its entries.
+const MASKS: [[i16; SHORTS]; SHORTS + 1] = masks();
 
-const fn masks() -> [[i16; 8]; 9] {
-    let mut table = [[0; 8]; 9];
+const fn masks() -> [[i16; SHORTS]; SHORTS + 1] {
+    let mut table = [[0; SHORTS]; SHORTS + 1];
     let mut n = 0;
-    while n < 9 {
+    while n <= SHORTS {
         let mut lane = 0;
         while lane < n {
             table[n][lane] = -1;
@@ -43,23 +44,23 @@ const fn masks() -> [[i16; 8]; 9] {
     table
 }
 
-/// The whole chunks of eight among the `n` entries from `from` on.
+/// The whole chunks of `N` among the `n` entries from `from` on.
 #[inline(always)]
-fn eights(values: &[i16], from: usize, n: usize) -> &[[i16; 8]] {
+fn chunks<const N: usize>(values: &[i16], from: usize, n: usize) -> &[[i16; N]] {
     values[from..from + n].as_chunks().0
 }
 
-/// Writes all intervals of `times[..end]`: entry `i` ends at `times[i]`. Eight
-/// zeros follow the last.
+/// Writes all intervals of `times[..end]`: entry `i` ends at `times[i]`. A chunk of
+/// zeros follows the last.
 #[inline(always)]
-pub(super) fn differences(times: &[i16], end: usize, intervals: &mut [i16]) {
-    let n = (end - 1).next_multiple_of(8);
-    let (before, after) = (eights(times, 0, n), eights(times, 1, n));
+pub(super) fn differences<S: Shorts>(s: S, times: &[i16], end: usize, intervals: &mut [i16]) {
+    let n = (end - 1).next_multiple_of(SHORTS);
+    let (before, after) = (chunks(times, 0, n), chunks(times, 1, n));
     let out = intervals[1..n + 1].as_chunks_mut().0;
     for ((x, a), b) in out.iter_mut().zip(after).zip(before) {
-        *x = (i16x8::new(*a) - i16x8::new(*b)).to_array();
+        s.store(x, s.sub(s.load(a), s.load(b)));
     }
-    intervals[end..end + 8].fill(0);
+    intervals[end..end + SHORTS].fill(0);
 }
 
 /// Lags of one pass over a pixel's times: their sums stay in registers, and short loops, whose
@@ -68,26 +69,33 @@ pub(super) const TOGETHER: usize = 6;
 
 /// Sums of the squares of the differences over each of `lags` spikes that end at `times[from..end]`.
 #[inline(always)]
-pub(super) fn squares(times: &[i16], from: usize, end: usize, lags: [usize; TOGETHER]) -> [u64; TOGETHER] {
-    let mut sums = [i32x4::splat(0); TOGETHER];
-    let n = (end - from).next_multiple_of(8);
-    let after = eights(times, from, n);
-    let before = lags.map(|lag| eights(times, from - lag, n));
-    let last = n / 8 - 1;
+pub(super) fn squares<S: Shorts>(
+    s: S,
+    times: &[i16],
+    from: usize,
+    end: usize,
+    lags: [usize; TOGETHER],
+) -> [u64; TOGETHER] {
+    let mut sums = [s.zero(); 8];
+    let n = (end - from).next_multiple_of(SHORTS);
+    let after = chunks(times, from, n);
+    let before = lags.map(|lag| chunks(times, from - lag, n));
+    let last = n / SHORTS - 1;
     for at in 0..last {
-        let time = i16x8::new(after[at]);
+        let time = s.load(&after[at]);
         for (sum, before) in sums.iter_mut().zip(before) {
-            let d = time - i16x8::new(before[at]);
-            *sum += d.dot(d);
+            let d = s.sub(time, s.load(&before[at]));
+            *sum = s.add_products(*sum, d, d);
         }
     }
     // What follows the last spike is no time.
-    let (time, mask) = (i16x8::new(after[last]), i16x8::new(MASKS[end - from - 8 * last]));
+    let (time, mask) = (s.load(&after[last]), s.load(&MASKS[end - from - SHORTS * last]));
     for (sum, before) in sums.iter_mut().zip(before) {
-        let d = (time - i16x8::new(before[last])) & mask;
-        *sum += d.dot(d);
+        let d = s.and(s.sub(time, s.load(&before[last])), mask);
+        *sum = s.add_products(*sum, d, d);
     }
-    sums.map(|sum| sum.reduce_add() as u64)
+    let totals = s.totals(sums);
+    std::array::from_fn(|i| totals[i] as u64)
 }
 
 /// Adds to `table`, at the time of each of the spikes `from..end`, how its interval deviates from `reference`, in sixteenths.
@@ -104,7 +112,9 @@ pub(super) fn deviate(
     let n = (end - from).next_multiple_of(8);
     // Below 2^29 with intervals of 15 bits and a reference within `MAX_READOUTS`.
     let reference = i32x8::splat(reference as i32);
-    for (times, x) in eights(times, from, n).iter().zip(eights(intervals, from, n)) {
+    // Sixteen deviations had to be written and read again: twice as slow.
+    let eights = chunks::<8>(times, from, n);
+    for (times, x) in eights.iter().zip(chunks(intervals, from, n)) {
         let x = i32x8::from_i16x8(i16x8::new(*x));
         let deviations: i32x8 = ((x << 4) - reference) & x.simd_gt(i32x8::splat(0));
         for (time, deviation) in times.iter().zip(deviations.to_array()) {
@@ -122,23 +132,24 @@ pub(super) struct Found {
 }
 
 /// Calls `visit` for every interval in `range` below `low` or above `high`. Zeros follow the last.
-/// Most eights have none.
+/// Most chunks have none.
 #[inline(always)]
-pub(super) fn outliers(
+pub(super) fn outliers<S: Shorts>(
+    s: S,
     intervals: &[i16],
     range: Range<usize>,
     low: i16,
     high: i16,
     mut visit: impl FnMut(i16),
 ) {
-    let n = range.len().next_multiple_of(8);
-    let (low, high) = (i16x8::splat(low), i16x8::splat(high));
-    for eight in eights(intervals, range.start, n) {
-        let x = i16x8::new(*eight);
-        let out: i16x8 = (x.simd_gt(high) | x.simd_lt(low)) & x.simd_gt(i16x8::splat(0));
-        let mut out = out.to_bitmask();
+    let n = range.len().next_multiple_of(SHORTS);
+    let (low, high, zero) = (s.splat(low), s.splat(high), s.splat(0));
+    for chunk in chunks::<SHORTS>(intervals, range.start, n) {
+        let x = s.load(chunk);
+        let beyond = s.or(s.greater(x, high), s.greater(low, x));
+        let mut out = s.signs(s.and(beyond, s.greater(x, zero)));
         while out != 0 {
-            visit(eight[out.trailing_zeros() as usize % 8]);
+            visit(chunk[out.trailing_zeros() as usize % SHORTS]);
             out &= out - 1;
         }
     }
@@ -148,40 +159,60 @@ pub(super) fn outliers(
 /// pixel's fences, for the intervals that end at entries `from..end`. Zeros
 /// follow them: they lie beyond no fence and add nothing to a product.
 #[inline(always)]
-pub(super) fn add_intervals(intervals: &[i16], from: usize, end: usize, pixel: &mut Pixel) -> Found {
-    let fences = pixel.fences().map(|f| i16x8::splat(f.clamp(0, i64::from(i16::MAX)) as i16));
-    let mut above = [i16x8::splat(0); 8];
-    let mut products = [i32x4::splat(0); 2];
-    let mut longest = i16x8::splat(0);
-    let mut shortest = i16x8::splat(i16::MAX);
-    let n = (end - from).next_multiple_of(8);
-    let one = eights(intervals, from - 1, n);
-    let two = eights(intervals, from - 2, n);
-    let own = eights(intervals, from, n);
-    for ((x, one), two) in own.iter().zip(one).zip(two) {
-        let x = i16x8::new(*x);
-        products[0] += x.dot(i16x8::new(*one));
-        products[1] += x.dot(i16x8::new(*two));
-        longest = longest.max(x);
-        // Less one and biased: the zeros come out as the greatest.
-        shortest = shortest.min((x - i16x8::splat(1)) ^ i16x8::splat(i16::MIN));
+pub(super) fn add_intervals<S: Shorts>(
+    s: S,
+    intervals: &[i16],
+    from: usize,
+    end: usize,
+    pixel: &mut Pixel,
+) -> Found {
+    let mut fences = [s.splat(0); 8];
+    for (fence, length) in fences.iter_mut().zip(pixel.fences()) {
+        *fence = s.splat(length.clamp(0, i64::from(i16::MAX)) as i16);
+    }
+    let mut above = [s.splat(0); 8];
+    // Sums of eight go together; six of these stay empty.
+    let mut products = [s.zero(); 8];
+    let (mut shortest, mut longest) = (s.splat(i16::MAX), s.splat(0));
+    let (one, most) = (s.splat(1), s.splat(i16::MAX));
+    let n = (end - from).next_multiple_of(SHORTS);
+    let before = [1, 2].map(|apart| chunks(intervals, from - apart, n));
+    for (at, x) in chunks(intervals, from, n).iter().enumerate() {
+        let x = s.load(x);
+        for (sum, before) in products.iter_mut().zip(before) {
+            *sum = s.add_products(*sum, x, s.load(&before[at]));
+        }
+        longest = s.max(longest, x);
+        // The zeros behind the last count as the greatest.
+        shortest = s.min(shortest, s.or(x, s.and(s.greater(one, x), most)));
         for (count, fence) in above.iter_mut().zip(fences) {
             // A comparison is -1 where it holds.
-            *count -= x.simd_gt(fence);
+            *count = s.sub(*count, s.greater(x, fence));
         }
     }
-    for (sum, product) in pixel.products.iter_mut().zip(products) {
-        *sum += product.reduce_add() as u64;
+    for (sum, product) in pixel.products.iter_mut().zip(s.totals(products)) {
+        *sum += product as u64;
     }
-    let above = above.map(|count| count.reduce_add() as u32);
+    let mut counts = [s.zero(); 8];
+    for (count, above) in counts.iter_mut().zip(above) {
+        *count = s.add_products(*count, above, one);
+    }
+    let above = s.totals(counts).map(|count| count as u32);
     let n = (end - from) as u32;
     let found = Found {
-        shortest: (i32::from(shortest.reduce_min()) + 32_769) as u32,
-        longest: longest.reduce_max() as u32,
+        shortest: extreme(s, shortest, i16::min),
+        longest: extreme(s, longest, i16::max),
         within: std::array::from_fn(|j| n - above[2 + j]),
     };
     pixel.shortest = pixel.shortest.min(found.shortest);
     pixel.longest = pixel.longest.max(found.longest);
     pixel.add_above(n, above);
     found
+}
+
+#[inline(always)]
+fn extreme<S: Shorts>(s: S, v: S::Short, of_two: fn(i16, i16) -> i16) -> u32 {
+    let mut all = [0; SHORTS];
+    s.store(&mut all, v);
+    all.into_iter().reduce(of_two).unwrap_or_default() as u32
 }

@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::super::estimate::Estimate;
 use super::fast::{self, Found};
 use super::pixel::CUMULATIVE;
+use crate::kernels::Shorts;
 use crate::spikes::Geometry;
 
 /// Groups of rows that are counted apart, for the spread between them.
@@ -111,7 +112,14 @@ impl Tally {
     /// Counts the intervals of a pixel in `range`. The counts at the fences around `centre` tell the lengths
     /// between them; those beyond are counted one by one.
     #[inline(always)]
-    pub(super) fn add_found(&mut self, found: &Found, centre: i64, intervals: &[i16], range: Range<usize>) {
+    pub(super) fn add_found<S: Shorts>(
+        &mut self,
+        s: S,
+        found: &Found,
+        centre: i64,
+        intervals: &[i16],
+        range: Range<usize>,
+    ) {
         let (within, n) = (&found.within, range.len() as u32);
         let beyond = n - (within[CUMULATIVE - 1] - within[0]);
         if beyond * MANY > n {
@@ -130,7 +138,7 @@ impl Tally {
         if beyond > 0 {
             let fence = |length: i64| length.clamp(0, i64::from(i16::MAX)) as i16;
             let (low, high) = (fence(lowest), fence(centre + 2));
-            fast::outliers(intervals, range, low, high, |x| self.add(0, x as u32));
+            fast::outliers(s, intervals, range, low, high, |x| self.add(0, x as u32));
         }
     }
 

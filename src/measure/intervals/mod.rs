@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use super::block::{Block, CAPACITY};
 use super::counts::NEVER;
-use crate::kernels::counting;
+use crate::kernels::{Shorts, Work, counting_with};
 use crate::spikes::Geometry;
 use decode::{Histories, SLACK};
 use lengths::Tally;
@@ -94,6 +94,22 @@ struct Scratch {
     readouts: Readouts,
 }
 
+/// A block on its way into the sums.
+struct Taking<'a> {
+    state: &'a mut State,
+    block: &'a Block,
+    start: u32,
+}
+
+impl Work for Taking<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<S: Shorts>(self, s: S) {
+        self.state.take(s, self.block, self.start);
+    }
+}
+
 impl State {
     /// `lags` is sorted and begins with 1; `cap` is the longest interval with
     /// an own bin; `series` readouts are kept one by one.
@@ -137,14 +153,11 @@ impl State {
 
     /// Takes a block that starts at readout `start`.
     pub(super) fn process(&mut self, block: &Block, start: u32) {
-        counting(
-            #[inline(always)]
-            || self.take(block, start),
-        );
+        counting_with(Taking { state: self, block, start });
     }
 
     #[inline(always)]
-    fn take(&mut self, block: &Block, start: u32) {
+    fn take<S: Shorts>(&mut self, s: S, block: &Block, start: u32) {
         let mut histories = Histories::new();
         self.scratch.readouts.begin(start);
         let mut group = 0;
@@ -162,7 +175,7 @@ impl State {
             for i in 0..pixels {
                 let words = histories.pixel(at % decode::WORDS, i);
                 if words.iter().any(|w| *w != 0) {
-                    self.add_pixel(row * block.width() + column + i, &words, start);
+                    self.add_pixel(s, row * block.width() + column + i, &words, start);
                 }
             }
         }
@@ -173,29 +186,36 @@ impl State {
 
     /// Adds the spikes of a pixel in this block; there is at least one.
     #[inline(always)]
-    fn add_pixel(&mut self, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
+    fn add_pixel<S: Shorts>(&mut self, s: S, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
         let known = self.result.pixels[p].spikes as usize;
+        if known > self.depth {
+            self.add_late(s, p, words, start);
+            return;
+        }
         // One more than the history, so that the reference is known as well.
         let mut late = *words;
-        if known <= self.depth {
-            let early = decode::split(&mut late, self.depth + 1 - known);
-            self.add_exact(p, &early, start);
-            if late.iter().all(|w| *w == 0) {
-                return;
-            }
+        let early = decode::split(&mut late, self.depth + 1 - known);
+        self.add_exact(p, &early, start);
+        if late.iter().any(|w| *w != 0) {
+            self.add_late(s, p, &late, start);
         }
+    }
+
+    /// Adds the spikes of a pixel whose history is full; there is at least one.
+    #[inline(always)]
+    fn add_late<S: Shorts>(&mut self, s: S, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
         // From the oldest time of the history to the start of the block.
         let before = start.wrapping_sub(self.history[p * self.depth]);
         // A history that ends within the block begins after its start, and the difference is small and negative.
         if before.wrapping_add(CAPACITY as u32) <= self.span_limit {
-            self.add_fast(p, &late, start);
+            self.add_fast(s, p, words, start);
         } else {
-            self.add_exact(p, &late, start);
+            self.add_exact(p, words, start);
         }
     }
 
     #[inline(always)]
-    fn add_fast(&mut self, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
+    fn add_fast<S: Shorts>(&mut self, s: S, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
         let depth = self.depth;
         let Scratch { times, intervals, readouts, .. } = &mut self.scratch;
         let history = &mut self.history[p * depth..(p + 1) * depth];
@@ -204,19 +224,19 @@ impl State {
         }
         let end = decode::times(words, times, depth);
         let times = times.as_slice();
-        fast::differences(times, end, intervals);
+        fast::differences(s, times, end, intervals);
         let lags = &self.result.lags;
         let sums = &mut self.result.sums[p * lags.len()..(p + 1) * lags.len()];
         for (lags, sums) in lags.chunks(fast::TOGETHER).zip(sums.chunks_mut(fast::TOGETHER)) {
             // Places behind the last lag do it again, for nobody.
             let all = std::array::from_fn(|i| lags[i.min(lags.len() - 1)] as usize);
-            let squares = fast::squares(times, depth, end, all);
+            let squares = fast::squares(s, times, depth, end, all);
             sums.iter_mut().zip(squares).for_each(|(sum, more)| sum[1] += more);
         }
         let pixel = &mut self.result.pixels[p];
-        let found = fast::add_intervals(intervals, depth, end, pixel);
+        let found = fast::add_intervals(s, intervals, depth, end, pixel);
         pixel.spikes += (end - depth) as u32;
-        self.tally.add_found(&found, pixel.centre(), intervals, depth..end);
+        self.tally.add_found(s, &found, pixel.centre(), intervals, depth..end);
         if self.result.deviations.len() < self.series {
             fast::deviate(times, intervals, depth, end, pixel.reference, &mut readouts.deviation);
         }

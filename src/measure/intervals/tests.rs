@@ -5,6 +5,7 @@ use rand_pcg::rand_core::{Rng, SeedableRng};
 
 use super::super::block::{Block, CAPACITY};
 use super::{Intervals, State};
+use crate::kernels::AnyCpu;
 use crate::spikes::{Geometry, set_bit};
 
 /// Rates of silence, of rare and of dense words, and of every readout.
@@ -43,7 +44,7 @@ fn measure(width: u32, jitter: f64, seed: u64, process: fn(&mut State, &Block, u
 fn portable_and_fast_instructions_agree() {
     for (width, jitter) in [(3, 0.0), (64, 0.9), (131, 0.3), (400, 0.1)] {
         let fast = measure(width, jitter, 5, State::process);
-        let portable = measure(width, jitter, 5, State::take);
+        let portable = measure(width, jitter, 5, |state, block, start| state.take(AnyCpu, block, start));
         assert!(fast == portable, "width {width}, jitter {jitter}");
         assert!(fast.lengths().total() > 0);
     }
