@@ -14,50 +14,47 @@ pub(crate) trait Work {
     fn run<S: Shorts>(self, shorts: S) -> Self::Out;
 }
 
-/// [`counting`], with the widest vectors of 16-bit integers that this CPU has.
+/// Runs `work` with the widest vectors of 16-bit integers that this CPU has, compiled for AVX2, POPCNT and BMI where it has these.
 #[inline]
 pub(crate) fn counting_with<W: Work>(work: W) -> W::Out {
     #[cfg(target_arch = "x86_64")]
     {
         if let Some(shorts) = Avx2::detect().filter(|_| has()) {
-            // SAFETY: the CPU has the features that `enter_with` is compiled with.
-            return unsafe { enter_with(work, shorts) };
+            // SAFETY: the CPU has the features that `enter` is compiled with.
+            return unsafe { enter(work, shorts) };
         }
     }
     work.run(AnyCpu)
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,popcnt,bmi1,bmi2")]
-fn enter_with<W: Work>(work: W, shorts: Avx2) -> W::Out {
-    work.run(shorts)
-}
-
-/// Runs `work` compiled with AVX2, POPCNT and BMI where this CPU has them: without, a count of bits is a dozen
-/// operations. The result is the same. Only what is inlined gains, a large closure
+/// Runs `work` so: without these, a count of bits is a dozen operations. The result is the same. Only what is inlined gains, a large closure
 /// itself as well: mark it `#[inline(always)]`, and what it calls in its loops.
+#[cfg(all(feature = "files", feature = "threads"))]
 #[inline]
 pub(crate) fn counting<R>(work: impl FnOnce() -> R) -> R {
-    #[cfg(target_arch = "x86_64")]
-    {
-        if has() {
-            // SAFETY: the CPU has the features that `enter` is compiled with.
-            return unsafe { enter(work) };
-        }
+    counting_with(Plain(work))
+}
+
+#[cfg(all(feature = "files", feature = "threads"))]
+struct Plain<F>(F);
+
+#[cfg(all(feature = "files", feature = "threads"))]
+impl<R, F: FnOnce() -> R> Work for Plain<F> {
+    type Out = R;
+
+    #[inline(always)]
+    fn run<S: Shorts>(self, _: S) -> R {
+        (self.0)()
     }
-    work()
 }
 
 #[cfg(target_arch = "x86_64")]
 fn has() -> bool {
-    is_x86_feature_detected!("avx2")
-        && is_x86_feature_detected!("popcnt")
-        && is_x86_feature_detected!("bmi1")
-        && is_x86_feature_detected!("bmi2")
+    is_x86_feature_detected!("popcnt") && is_x86_feature_detected!("bmi1") && is_x86_feature_detected!("bmi2")
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,popcnt,bmi1,bmi2")]
-fn enter<R>(work: impl FnOnce() -> R) -> R {
-    work()
+fn enter<W: Work>(work: W, shorts: Avx2) -> W::Out {
+    work.run(shorts)
 }

@@ -37,7 +37,9 @@ mod wide_lanes;
 
 pub use backend::Backend;
 pub use batch::{Batch, Job, Light, NoiseRound, Rounds, Samples, Segment};
-pub(crate) use counting::{Work, counting, counting_with};
+#[cfg(all(feature = "files", feature = "threads"))]
+pub(crate) use counting::counting;
+pub(crate) use counting::{Work, counting_with};
 pub use modulation::Modulation;
 #[cfg(test)]
 pub(crate) use shorts::AnyCpu;

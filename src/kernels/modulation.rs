@@ -73,18 +73,21 @@ fn neighbours(fired: &[i16], width: usize) -> Vec<i16> {
     let mut counts = vec![0; fired.len()];
     for (p, row) in fired.chunks_exact(width).enumerate().map(|(r, row)| (r * width, row)) {
         let here = &mut counts[p..p + width];
-        for col in 1..width {
-            here[col] -= row[col - 1];
-            here[col - 1] -= row[col];
-        }
+        add(&mut here[1..], row);
+        add(here, &row[1..]);
         if p > 0 {
-            here.iter_mut().zip(&fired[p - width..]).for_each(|(count, f)| *count -= f);
+            add(here, &fired[p - width..p]);
         }
         if p + width < fired.len() {
-            here.iter_mut().zip(&fired[p + width..]).for_each(|(count, f)| *count -= f);
+            add(here, &fired[p + width..]);
         }
     }
     counts
+}
+
+/// One loop for one neighbour: both sides in one loop wait for each other's sums.
+fn add(counts: &mut [i16], fired: &[i16]) {
+    counts.iter_mut().zip(fired).for_each(|(count, f)| *count -= f);
 }
 
 #[cfg(test)]
