@@ -1,10 +1,11 @@
-//! Sixteen 16-bit integers in a 256-bit vector.
+//! Sixteen 16-bit integers in a 256-bit vector: what the kernel's lanes do already, and sums.
 
 #![allow(unsafe_code, reason = "instructions that the token proves the CPU to have")]
 
 use std::arch::x86_64::*;
 
 use super::avx2::Avx2;
+use super::lanes::Lanes;
 use super::shorts::{SHORTS, Shorts};
 
 /// An instruction on values.
@@ -21,17 +22,15 @@ impl Shorts for Avx2 {
 
     #[inline(always)]
     fn load(self, from: &[i16; SHORTS]) -> __m256i {
-        // SAFETY: `self` proves AVX; the array has the 32 bytes that are read, which need no alignment.
-        unsafe { _mm256_loadu_si256(from.as_ptr().cast()) }
+        Lanes::load(self, from, 0)
     }
     #[inline(always)]
     fn store(self, to: &mut [i16; SHORTS], v: __m256i) {
-        // SAFETY: `self` proves AVX; the array has the 32 bytes that are written, which need no alignment.
-        unsafe { _mm256_storeu_si256(to.as_mut_ptr().cast(), v) }
+        Lanes::store(self, to, 0, v);
     }
     #[inline(always)]
     fn splat(self, v: i16) -> __m256i {
-        proven!(_mm256_set1_epi16(v))
+        Lanes::splat(self, v)
     }
     #[inline(always)]
     fn sub(self, a: __m256i, b: __m256i) -> __m256i {
@@ -39,19 +38,19 @@ impl Shorts for Avx2 {
     }
     #[inline(always)]
     fn and(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_and_si256(a, b))
+        Lanes::and(self, a, b)
     }
     #[inline(always)]
     fn or(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_or_si256(a, b))
+        Lanes::or(self, a, b)
     }
     #[inline(always)]
     fn greater(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_cmpgt_epi16(a, b))
+        Lanes::greater(self, a, b)
     }
     #[inline(always)]
     fn min(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_min_epi16(a, b))
+        Lanes::min(self, a, b)
     }
     #[inline(always)]
     fn max(self, a: __m256i, b: __m256i) -> __m256i {
@@ -59,9 +58,8 @@ impl Shorts for Avx2 {
     }
     #[inline(always)]
     fn signs(self, v: __m256i) -> u32 {
-        // Packing works within each half: bytes 0 to 7 and 16 to 23 are the integers in order.
-        let bytes = proven!(_mm256_movemask_epi8(_mm256_packs_epi16(v, _mm256_setzero_si256()))) as u32;
-        bytes & 0xFF | bytes >> 8 & 0xFF00
+        // A mask's bits are the signs of its integers.
+        Lanes::bits(self, v)
     }
     #[inline(always)]
     fn zero(self) -> __m256i {

@@ -121,7 +121,7 @@ impl Block {
 #[inline(always)]
 fn copy_bytes((row, out): (&[u8], &mut [u64])) {
     let Some((last, words)) = out.split_last_mut() else { return };
-    // A loop over the few words of a row costs three times what a copy does.
+    // A loop over the few words of a row, which the compiler prepares for many, takes 27 instructions more.
     let bytes: &mut [u8] = bytemuck::cast_slice_mut(words);
     let (whole, rest) = row.split_at(bytes.len());
     bytes.copy_from_slice(whole);
