@@ -105,12 +105,14 @@ fn run(
     let weights: Vec<f32> = (0..readouts - held).map(|i| i as f32 / 64.0).collect();
     let mut state = plan.start();
     if plan.couples() {
-        // One readout at a time, which the simulator does.
+        // The simulator sees to the neighbours; cut more finely, one readout at a time.
         let mut simulator = Simulator::of_plan(plan.clone()).with_backend(backend).unwrap();
-        let held = vec![Segment { readouts: 1, light: Light::Held(from) }; held];
-        let all = held.into_iter().chain(weights.chunks(1).map(|w| between((from, to), w)));
+        let fine = if tile > 64 { 1 } else { readouts };
+        let held = [fine].repeat(held / fine).into_iter().chain([held % fine]).filter(|n| *n > 0);
+        let held = held.map(|readouts| Segment { readouts, light: Light::Held(from) });
+        let all = held.chain(weights.chunks(fine).map(|w| between((from, to), w)));
         let geometry = plan.geometry();
-        let outs = all.map(|segment| stepped(&mut simulator, &segment, geometry)).collect();
+        let outs = all.map(|segment| pushed(&mut simulator, &segment, geometry)).collect();
         return (outs, simulator.state().clone());
     }
     let segments = [Segment { readouts: held, light: Light::Held(from) }, between((from, to), &weights)];
@@ -133,9 +135,9 @@ fn between<'a>((from, to): (Samples<'a>, Samples<'a>), weights: &'a [f32]) -> Se
     Segment { readouts: weights.len(), light: Light::Between { from, to, weights } }
 }
 
-/// One readout through the simulator.
-fn stepped(simulator: &mut Simulator, segment: &Segment<'_>, geometry: Geometry) -> Vec<u8> {
-    let mut out = vec![0xa5; geometry.frame_bytes()];
+/// A segment through the simulator.
+fn pushed(simulator: &mut Simulator, segment: &Segment<'_>, geometry: Geometry) -> Vec<u8> {
+    let mut out = vec![0xa5; segment.readouts * geometry.frame_bytes()];
     match segment.light {
         Light::Held(samples) => simulator.push(FrameRef::dense(samples, geometry), &mut out).unwrap(),
         Light::Between { from, to, weights } => {

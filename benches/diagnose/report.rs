@@ -233,6 +233,10 @@ fn outside(text: &mut String, all: &[&Value]) {
 
 /// Effects of sensors that have several: those above their smallest nameable strength, and how many were found.
 fn several(text: &mut String, title: &str, all: &[&Value]) {
+    if all.is_empty() {
+        writeln!(text, "### {title}\n\nNone ran.\n").unwrap();
+        return;
+    }
     let mut rows: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
     let mut wrong: BTreeMap<&str, usize> = BTreeMap::new();
     for record in all {

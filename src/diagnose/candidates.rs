@@ -43,7 +43,8 @@ macro_rules! entries {
     ($($name:literal: $($turn:expr),+;)*) => { &[$(Entry { name: $name, turns: &[$($turn),+] }),*] };
 }
 
-/// Ranges are the catalogue's; values to try lie where the effect is plain but still nearly linear.
+/// Ranges are the catalogue's; values to try lie where the effect is plain but still nearly linear. A switching current's counts
+/// of odd intervals set in and saturate within a decade: from a tenth of a current the weak ones looked like false spikes.
 const CATALOGUE: &[Entry] = entries! {
     "dead_time": amplitude("lost_fraction", (0.0, 0.15), &[0.012, 0.06]);
     "response_nonlinearity": amplitude("quadratic", (-0.15, 0.15), &[-0.01, 0.01, 0.06, -0.06]);
@@ -53,7 +54,7 @@ const CATALOGUE: &[Entry] = entries! {
     "comparator_noise": deviation("sigma", (0.0, 0.05), &[0.004, 0.015]);
     "slow_threshold_noise": deviation("sigma", (0.0, 0.02), &[0.002, 0.006]), shape("time_constant", (30.0, 5e4), &[150.0, 1000.0, 6000.0]);
     "adaptation": amplitude("rise", (0.0, 0.02), &[0.002]), kept("decay", (0.8, 0.999), &[0.85, 0.95, 0.99, 0.998]);
-    "telegraph_dark": amplitude("amplitude", (0.0, 1.0), &[0.1, 0.5]), shape("pixels", (0.01, 1.0), &[0.2]), shape("rate", (1e-4, 1e-2), &[1e-3]);
+    "telegraph_dark": amplitude("amplitude", (0.0, 1.0), &[0.008, 0.03, 0.15]), shape("pixels", (0.01, 1.0), &[0.2]), shape("rate", (1e-4, 1e-2), &[1e-3]);
     "hot_pixels": amplitude("fraction", (0.0, 0.05), &[0.004]), shape("factor", (1.5, 60.0), &[5.0, 12.0]);
     "dead_pixels": amplitude("fraction", (0.0, 0.05), &[0.005]);
     "column_pattern": deviation("sigma", (0.0, 0.1), &[0.006, 0.025]);

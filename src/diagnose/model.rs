@@ -119,18 +119,8 @@ impl Model {
         for (k, off) in self.lamps.iter().zip(lamps) {
             factors[*k] = 1.0 + off;
         }
-        Ok(Sample { camera: bounded(camera)?, lamps: factors })
+        Ok(Sample { camera, lamps: factors })
     }
-}
-
-/// A partial reset needs a bound on stored charge where pixels may exceed full scale; three
-/// thresholds are never reached below it.
-fn bounded(camera: Camera) -> Result<Camera> {
-    let loses = camera.effect("partial_reset").is_some_and(|e| !e.is_neutral());
-    if loses && camera.effect("saturation_clamp").is_none() {
-        return Ok(camera.with(find("saturation_clamp")?.neutral().with("largest_charge", 3.0)?));
-    }
-    Ok(camera)
 }
 
 /// The published model at `setup`'s size: what a diagnosis starts from without a camera file.

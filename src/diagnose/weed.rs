@@ -17,6 +17,13 @@ const STOOD_IN_FOR: f64 = 5.0;
 /// Rise of the cost from which on an effect is not dispensed with, beside the remainder that a strong one leaves: three and a half deviations.
 const DISPENSED: f64 = 12.0;
 
+/// Share of a swap's gain that the held-out set must show too: a better name gains as much there, one that suits this set's noise
+/// less. A response took the place of weak dark quanta for 30 here and 6 there.
+const HELD_OUT: f64 = 0.5;
+
+/// Rounds after which another name must explain half of what the name in whose place it stands does.
+const ROUNDS_TO_ENTER: usize = 2;
+
 impl Reference {
     /// Drops effects that the data do without: those whose amplitude is within three deviations of none, and those that another one can
     /// stand in for. The likeness that came first may have left the right name a part only, and steps along their valley are short.
@@ -87,11 +94,16 @@ impl Reference {
             let without = self.refine(fit.without(place), data, 1, few)?;
             let others = self.entrants(&without, &own.metric, &(data - &without.mean), &all);
             let others: Vec<_> = others.into_iter().filter(|e| e.1.candidate.name != name).take(2).collect();
+            let halfway = 0.5 * (without.price() + fit.price()) + NEAR;
             let enter = |(scale, s): &(f64, &Signature)| {
-                self.refine(without.with(&s.candidate, *scale), data, ROUNDS_BESIDE[0], few)
+                let entered = self.refine(without.with(&s.candidate, *scale), data, ROUNDS_TO_ENTER, few)?;
+                if entered.price() > halfway {
+                    return Ok(None);
+                }
+                self.refine(entered, data, ROUNDS_BESIDE[0] - ROUNDS_TO_ENTER, few).map(Some)
             };
             let fits = others.par_iter().map(enter).collect::<Result<Vec<_>>>()?;
-            let Some(best) = fits.into_iter().min_by(|a, b| a.price().total_cmp(&b.price())) else {
+            let Some(best) = fits.into_iter().flatten().min_by(|a, b| a.price().total_cmp(&b.price())) else {
                 continue;
             };
             if best.price() > fit.price() + NEAR {
@@ -99,7 +111,8 @@ impl Reference {
             }
             let mut best = self.refine(best, data, ROUNDS_BESIDE[1], some)?;
             let held = |f: &Fit| Ok::<f64, Error>(f.deviance_of(&judge.off(self, f)?));
-            if best.price() + 4.0 > fit.price() || held(&best)? > held(fit)? {
+            let gained = fit.price() - best.price();
+            if gained < 4.0 || held(fit)? - held(&best)? < gained * HELD_OUT {
                 continue;
             }
             *own = self.converged(&mut best, data)?;

@@ -97,16 +97,17 @@ pub struct Batch<'a> {
 }
 
 impl<'a> Batch<'a> {
-    /// The readouts that follow `state`, in the light of `segments`; one alone where pixels act on each other.
+    /// The readouts that follow `state`, in the light of `segments`.
+    ///
+    /// Where pixels act on each other ([`Plan::couples`]), a batch of more than one readout runs as one
+    /// tile: [`Job::new`] then wants the whole sensor.
     ///
     /// # Panics
-    /// When a frame has fewer samples than the plan has pixels, a segment
-    /// has another number of weights than of readouts, or pixels act on each
-    /// other ([`Plan::couples`]) and there is more than one readout.
+    /// When a frame has fewer samples than the plan has pixels, or a segment
+    /// has another number of weights than of readouts.
     #[must_use]
     pub fn after(plan: &Plan, state: &State, segments: &'a [Segment<'a>]) -> Self {
         let mut batch = Self::uncoupled(plan, state.readout(), segments);
-        assert!(!plan.couples() || batch.readouts == 1, "pixels act on each other: one readout at a time");
         batch.modulation.couple(plan, state);
         batch
     }
@@ -213,14 +214,25 @@ impl<'a> Job<'a> {
     /// The tile of `pixels` padded pixels from `first` on, cut at the end of the plan.
     ///
     /// # Panics
-    /// When the bounds are not multiples of [`crate::plan::LANES`].
+    /// When the bounds are not multiples of [`crate::plan::LANES`], or pixels act on each other
+    /// and the tile is a part of the sensor and the batch more than one readout.
     #[must_use]
     pub fn new(plan: &'a Plan, batch: &'a Batch<'a>, first: usize, pixels: usize) -> Self {
         let range = first..(first + pixels).min(plan.padded());
         assert!(
             range.start.is_multiple_of(crate::plan::LANES) && range.len().is_multiple_of(crate::plan::LANES)
         );
-        Self { plan, batch, range }
+        let job = Self { plan, batch, range };
+        let together = job.is_whole_sensor() || batch.readouts == 1;
+        assert!(together || !plan.couples(), "pixels act on each other: one tile, or one readout at a time");
+        job
+    }
+
+    /// Whether the tile is all that there is.
+    #[must_use]
+    #[inline]
+    pub fn is_whole_sensor(&self) -> bool {
+        self.range == (0..self.plan.padded())
     }
 
     /// The padded pixels of the tile.

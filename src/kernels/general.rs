@@ -3,82 +3,161 @@
 //!
 //! One vector and one readout at a time, and the plan is asked at run time. It is a case of its own, so
 //! that plans without these operations do not carry their tests. `docs/performance.md` states its speed.
+//!
+//! A vector stays in registers over all readouts of a batch, unless pixels act on each other: then all vectors of the
+//! sensor step one readout, and what was computed from their light waits in memory for the next.
 
-use crate::kernels::increment::{Fine, Increment, cut_off, fixed, sample, scalar};
+use crate::kernels::arriving::{optics, seen, select_f, switched};
+use crate::kernels::increment::{Fine, Increment, fixed};
 use crate::kernels::lanes::Lanes;
+use crate::kernels::lingering::Lingering;
+use crate::kernels::modulation::Around;
 use crate::kernels::pixels::{Constants, Pixels};
 use crate::kernels::step::hash;
-use crate::kernels::{Job, Light, Samples, rare};
-use crate::plan::{ADAPTED, Further, LATE, LOW, SLOW, StateParts};
+use crate::kernels::{Job, Light, rare};
+use crate::plan::{Further, StateParts};
 
 /// Runs a plan with further rules.
 #[inline(always)]
 pub(super) fn general<L: Lanes>(l: L, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
     let Some(further) = job.plan.further() else { return };
+    if further.couples() && job.batch.readouts() > 1 {
+        return together(l, job, further, state, out);
+    }
+    let around = &job.batch.modulation().around;
+    let bytes = job.tile_bytes();
     let mut at = 0;
     while at < job.pixels() {
-        vector(l, job, further, state, out, at);
+        let mut vector = Vector::load(l, job, further, state, at);
+        for (readouts, light) in job.batch.segments() {
+            vector.see(l, job, further, light);
+            for (k, t) in readouts.clone().enumerate() {
+                let fired = vector.readout(l, job, further, t, weight(light, k), around);
+                l.store_bits(&mut out[t * bytes..][..bytes], at / 8, fired);
+            }
+        }
+        vector.store(l, state, at);
         at += L::N;
     }
 }
 
-/// All readouts of one vector.
+/// Pixels that act on each other: all vectors of the sensor at one readout after the other.
 #[inline(always)]
-fn vector<L: Lanes>(
-    l: L,
-    job: &Job<'_>,
-    further: &Further,
-    state: &mut StateParts<'_>,
-    out: &mut [u8],
-    at: usize,
-) {
-    let p = job.range().start + at;
-    let mut c = Constants { clip: true, ..Constants::load(l, job, p) };
-    let dark = c.dark;
-    let mut pixels = Pixels::load(l, state, at);
-    let mut lingering = Lingering::load(l, state, at);
-    let moved = Moved::load(l, further, p);
+fn together<L: Lanes>(l: L, job: &Job<'_>, further: &Further, state: &mut StateParts<'_>, out: &mut [u8]) {
+    let mut around = job.batch.modulation().around.clone();
     let bytes = job.tile_bytes();
+    let mut vectors = Vec::with_capacity(job.pixels() / L::N);
+    while vectors.len() < job.pixels() / L::N {
+        vectors.push(Vector::load(l, job, further, state, vectors.len() * L::N));
+    }
     for (readouts, light) in job.batch.segments() {
-        let (start, way, weights) = match *light {
-            Light::Held(samples) => (optics(l, job, further, samples, p), l.splat_f(0.0), None),
-            Light::Between { from, to, weights } => {
-                let start = optics(l, job, further, from, p);
-                (start, l.sub_f(optics(l, job, further, to, p), start), Some(weights))
-            }
-        };
-        let steady = weights.is_none() && !further.varies();
-        let mut ready: Option<(Increment<L>, Option<Fine<L>>)> = None;
+        for vector in &mut vectors {
+            vector.see(l, job, further, light);
+        }
         for (k, t) in readouts.clone().enumerate() {
-            if !steady || ready.is_none() {
-                let light = match weights {
-                    Some(weights) => l.add_f(start, l.mul_f(way, l.splat_f(weights[k]))),
-                    None => start,
-                };
-                let light = seen(l, job, further, t, light, &mut lingering);
-                c.dark = switched(l, job, further, &c, dark, t, &mut lingering);
-                let increment = Increment::new::<true, true>(l, &c, light);
-                let fine = if increment.any_fine { Fine::new(l, job, p, light) } else { None };
-                ready = Some((increment, fine));
+            let (weight, bits) = (weight(light, k), &mut out[t * bytes..][..bytes]);
+            for (i, vector) in vectors.iter_mut().enumerate() {
+                let fired = vector.readout(l, job, further, t, weight, &around);
+                l.store_bits(bits, i * L::N / 8, fired);
+                l.store(state.fired, i * L::N, vector.pixels.fired);
             }
-            let Some((increment, fine)) = &ready else { return };
-            let fired = readout(
-                l,
-                job,
-                further,
-                t,
-                &c,
-                &moved,
-                increment,
-                fine.as_ref(),
-                &mut pixels,
-                &mut lingering,
-            );
-            l.store_bits(&mut out[t * bytes..][..bytes], at / 8, fired);
+            around.follow(job.plan, further, state.fired);
         }
     }
-    pixels.store(l, state, at);
-    lingering.store(l, state, at);
+    for (i, vector) in vectors.iter().enumerate() {
+        vector.store(l, state, i * L::N);
+    }
+}
+
+/// The weight of readout `k` of a segment, on a way between frames.
+#[inline(always)]
+fn weight(light: &Light<'_>, k: usize) -> Option<f32> {
+    match light {
+        Light::Held(_) => None,
+        Light::Between { weights, .. } => Some(weights[k]),
+    }
+}
+
+/// A vector of pixels and the light that it sees.
+struct Vector<L: Lanes> {
+    constants: Constants<L>,
+    /// The tables' dark current; that of `constants` may switch.
+    dark: L::Float,
+    moved: Moved<L>,
+    pixels: Pixels<L>,
+    lingering: Lingering<L>,
+    /// Light of the segment's frame, and the way from it to the next.
+    start: L::Float,
+    way: L::Float,
+    /// Increments of the last readout's light.
+    ready: Option<(Increment<L>, Option<Fine<L>>)>,
+}
+
+impl<L: Lanes> Vector<L> {
+    #[inline(always)]
+    fn load(l: L, job: &Job<'_>, further: &Further, state: &StateParts<'_>, at: usize) -> Self {
+        let p = job.range().start + at;
+        let constants = Constants { clip: true, ..Constants::load(l, job, p) };
+        Self {
+            constants,
+            dark: constants.dark,
+            moved: Moved::load(l, further, p),
+            pixels: Pixels::load(l, state, at),
+            lingering: Lingering::load(l, state, at),
+            start: l.splat_f(0.0),
+            way: l.splat_f(0.0),
+            ready: None,
+        }
+    }
+
+    #[inline(always)]
+    fn store(&self, l: L, state: &mut StateParts<'_>, at: usize) {
+        self.pixels.store(l, state, at);
+        self.lingering.store(l, state, at);
+    }
+
+    /// The light of a segment.
+    #[inline(always)]
+    fn see(&mut self, l: L, job: &Job<'_>, further: &Further, light: &Light<'_>) {
+        let p = self.constants.p;
+        (self.start, self.way) = match *light {
+            Light::Held(samples) => (optics(l, job, further, samples, p), l.splat_f(0.0)),
+            Light::Between { from, to, .. } => {
+                let start = optics(l, job, further, from, p);
+                (start, l.sub_f(optics(l, job, further, to, p), start))
+            }
+        };
+        self.ready = None;
+    }
+
+    /// Readout `t`, `weight` of the way between the frames if they are two; returns the reported bits.
+    #[inline(always)]
+    fn readout(
+        &mut self,
+        l: L,
+        job: &Job<'_>,
+        further: &Further,
+        t: usize,
+        weight: Option<f32>,
+        around: &Around,
+    ) -> L::Mask {
+        let steady = weight.is_none() && !further.varies();
+        if !steady || self.ready.is_none() {
+            let light = match weight {
+                Some(weight) => l.add_f(self.start, l.mul_f(self.way, l.splat_f(weight))),
+                None => self.start,
+            };
+            let light = seen(l, job, further, t, light, &mut self.lingering);
+            self.constants.dark =
+                switched(l, job, further, &self.constants, self.dark, t, &mut self.lingering);
+            let increment = Increment::new::<true, true>(l, &self.constants, light);
+            let fine = if increment.any_fine { Fine::new(l, job, self.constants.p, light) } else { None };
+            self.ready = Some((increment, fine));
+        }
+        let Some((increment, fine)) = &self.ready else { return l.greater(l.splat(0), l.splat(0)) };
+        let (c, pixels, lingering) = (&self.constants, &mut self.pixels, &mut self.lingering);
+        readout(l, job, further, t, c, &self.moved, around, increment, fine.as_ref(), pixels, lingering)
+    }
 }
 
 /// Constants of the rules about thresholds.
@@ -95,136 +174,6 @@ impl<L: Lanes> Moved<L> {
     }
 }
 
-/// What lingers, in registers.
-struct Lingering<L: Lanes> {
-    slow: L::Float,
-    adapted: L::Float,
-    late: L::Float,
-    low: L::Half,
-}
-
-impl<L: Lanes> Lingering<L> {
-    #[inline(always)]
-    fn load(l: L, state: &StateParts<'_>, at: usize) -> Self {
-        let low = &state.lingering[LOW];
-        Self {
-            slow: load(l, state, SLOW, at),
-            adapted: load(l, state, ADAPTED, at),
-            late: load(l, state, LATE, at),
-            low: if low.is_empty() { l.splat(0) } else { l.load(low, at) },
-        }
-    }
-
-    #[inline(always)]
-    fn store(&self, l: L, state: &mut StateParts<'_>, at: usize) {
-        store(l, state, SLOW, at, self.slow);
-        store(l, state, ADAPTED, at, self.adapted);
-        store(l, state, LATE, at, self.late);
-        if !state.lingering[LOW].is_empty() {
-            l.store(state.lingering[LOW], at, self.low);
-        }
-    }
-}
-
-#[inline(always)]
-fn load<L: Lanes>(l: L, state: &StateParts<'_>, column: usize, at: usize) -> L::Float {
-    if state.lingering[column].is_empty() {
-        return l.splat_f(0.0);
-    }
-    let high = l.load(state.lingering[column], at);
-    l.f_of_bits(l.join(high, l.load(state.lingering[column + 1], at)))
-}
-
-#[inline(always)]
-fn store<L: Lanes>(l: L, state: &mut StateParts<'_>, column: usize, at: usize, value: L::Float) {
-    if !state.lingering[column].is_empty() {
-        let bits = l.bits_of_f(value);
-        l.store(state.lingering[column], at, l.high(bits));
-        l.store(state.lingering[column + 1], at, l.low(bits));
-    }
-}
-
-/// Light of a frame after it has spread to neighbours, in 1/255 of full scale.
-#[inline(always)]
-fn optics<L: Lanes>(l: L, job: &Job<'_>, further: &Further, samples: Samples<'_>, p: usize) -> L::Float {
-    let own = sample(l, samples, p);
-    if further.crosstalk == 0.0 {
-        return own;
-    }
-    let geometry = job.plan.geometry();
-    let around = l.load_f(&around(samples, p, geometry.width(), geometry.pixels()), 0);
-    let gained = l.sub_f(around, l.mul_f(own, l.splat_f(4.0)));
-    l.add_f(own, l.mul_f(gained, l.splat_f(further.crosstalk * 0.25)))
-}
-
-/// Sum of the four neighbours' light of 32 pixels from `first` on; a missing neighbour is the pixel itself.
-/// Plain code, once for every new frame.
-#[inline(never)]
-fn around(samples: Samples<'_>, first: usize, width: usize, pixels: usize) -> [f32; 32] {
-    let mut sums = [0.0; 32];
-    for (i, sum) in sums.iter_mut().enumerate().take(pixels.saturating_sub(first)) {
-        let p = first + i;
-        let col = p % width;
-        let up = if p >= width { p - width } else { p };
-        let down = if p + width < pixels { p + width } else { p };
-        let left = if col > 0 { p - 1 } else { p };
-        let right = if col + 1 < width { p + 1 } else { p };
-        *sum =
-            (scalar(samples, up) + scalar(samples, down)) + (scalar(samples, left) + scalar(samples, right));
-    }
-    sums
-}
-
-/// The light that turns into charge at this readout.
-#[inline(always)]
-fn seen<L: Lanes>(
-    l: L,
-    job: &Job<'_>,
-    further: &Further,
-    t: usize,
-    light: L::Float,
-    lingering: &mut Lingering<L>,
-) -> L::Float {
-    let mut light = cut_off(l, job.plan.rules().greatest_light, light, true);
-    if further.schedule.is_some() {
-        light = l.mul_f(light, l.splat_f(job.batch.modulation().factors[t]));
-    }
-    if further.quadratic != 0.0 {
-        light = l.min_f(light, l.splat_f(further.peak));
-        light = l.add_f(light, l.mul_f(l.mul_f(light, light), l.splat_f(further.quadratic)));
-    }
-    let Some(lag) = further.lag else { return light };
-    let late = lingering.late;
-    lingering.late = l.add_f(late, l.mul_f(l.sub_f(light, late), l.splat_f(lag.arriving)));
-    l.add_f(light, l.mul_f(l.sub_f(late, light), l.splat_f(lag.fraction)))
-}
-
-/// The dark current of this readout.
-#[inline(always)]
-fn switched<L: Lanes>(
-    l: L,
-    job: &Job<'_>,
-    further: &Further,
-    c: &Constants<L>,
-    dark: L::Float,
-    t: usize,
-    lingering: &mut Lingering<L>,
-) -> L::Float {
-    let Some(switch) = &further.telegraph else { return dark };
-    let switches = rare::below(l, c.pair_keys, &job.batch.modulation().telegraph, t, switch.rate);
-    let change = l.select(switches, l.splat(-1), l.splat(0));
-    lingering.low = l.xor(lingering.low, change);
-    let amplitude = l.load_f(&switch.amplitude, c.p);
-    let is_low = l.greater(l.splat(0), lingering.low);
-    let (less, more) = (l.sub_f(dark, amplitude), l.add_f(dark, amplitude));
-    select_f(l, is_low, less, more)
-}
-
-#[inline(always)]
-fn select_f<L: Lanes>(l: L, m: L::Mask, a: L::Float, b: L::Float) -> L::Float {
-    l.f_of_bits(l.select_w(m, l.bits_of_f(a), l.bits_of_f(b)))
-}
-
 /// One readout of `N` pixels; returns the reported bits.
 #[inline(always)]
 fn readout<L: Lanes>(
@@ -234,6 +183,7 @@ fn readout<L: Lanes>(
     t: usize,
     c: &Constants<L>,
     moved: &Moved<L>,
+    around: &Around,
     increment: &Increment<L>,
     fine: Option<&Fine<L>>,
     pixel: &mut Pixels<L>,
@@ -245,16 +195,15 @@ fn readout<L: Lanes>(
         pixel.add_word(l, lost);
     }
     rare::gather_charge(l, job, t, c, increment, fine, pixel);
-    let modulation = job.batch.modulation();
     if further.coupling != 0.0 {
-        let count = l.to_f(l.widen(l.load(&modulation.neighbours, c.p)));
+        let count = l.to_f(l.widen(l.load(&around.neighbours, c.p)));
         let given = l.mul_f(l.mul_f(count, l.splat_f(further.coupling)), moved.threshold);
         pixel.add_word(l, fixed(l, given, true));
     }
     if !job.plan.tables().ceiling.is_empty() {
         pixel.charge = l.min(pixel.charge, c.ceiling);
     }
-    let offsets = offsets(l, job, further, t, c, moved, lingering);
+    let offsets = offsets(l, job, further, t, c, moved, around.droop, lingering);
     let fired = rare::compare_words(l, job, t, c, Some(offsets), pixel);
     if job.plan.rules().lost_increment != 0.0 || further.couples() {
         pixel.fired = l.select(fired, l.splat(-1), l.splat(0));
@@ -277,6 +226,7 @@ fn offsets<L: Lanes>(
     t: usize,
     c: &Constants<L>,
     moved: &Moved<L>,
+    droop: f32,
     lingering: &mut Lingering<L>,
 ) -> (L::Word, L::Word) {
     let modulation = job.batch.modulation();
@@ -296,7 +246,7 @@ fn offsets<L: Lanes>(
         offset = l.add_f(offset, lingering.adapted);
     }
     if further.droop != 0.0 {
-        offset = l.add_f(offset, l.splat_f(modulation.droop));
+        offset = l.add_f(offset, l.splat_f(droop));
     }
     let offset = fixed(l, l.mul_f(offset, moved.threshold), true);
     if further.comparator == 0.0 {

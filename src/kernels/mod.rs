@@ -8,6 +8,7 @@
 //! memory decides the speed: stepping whole frames is 1.7 times slower with
 //! the same instructions.
 
+mod arriving;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
@@ -24,6 +25,7 @@ mod counting;
 mod general;
 mod increment;
 mod lanes;
+mod lingering;
 mod modulation;
 mod pass;
 mod pixels;
@@ -31,6 +33,7 @@ mod portable;
 mod rare;
 pub mod reference;
 mod reference_further;
+mod reference_reset;
 mod shorts;
 mod step;
 mod wide_lanes;
@@ -40,7 +43,7 @@ pub use batch::{Batch, Job, Light, NoiseRound, Rounds, Samples, Segment};
 #[cfg(all(feature = "files", feature = "threads"))]
 pub(crate) use counting::counting;
 pub(crate) use counting::{Work, counting_with};
-pub use modulation::Modulation;
+pub use modulation::{Around, Modulation};
 #[cfg(test)]
 pub(crate) use shorts::AnyCpu;
 pub(crate) use shorts::{SHORTS, Shorts};

@@ -19,9 +19,16 @@ pub struct Modulation {
     pub slow: Vec<Round>,
     /// Of [`crate::plan::Clocks::telegraph`].
     pub telegraph: [Vec<Round>; 2],
-    /// Neighbours of every pixel that fired at the readout before, padded; for one readout only.
+    /// What the spikes before the first readout do to it.
+    pub around: Around,
+}
+
+/// What the spikes of one readout do to the next.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Around {
+    /// Neighbours of every pixel that fired, padded; empty unless the plan asks for it.
     pub neighbours: Vec<i16>,
-    /// Offset of all thresholds by what fired at the readout before, relative to them.
+    /// Offset of all thresholds, relative to them.
     pub droop: f32,
 }
 
@@ -52,12 +59,25 @@ impl Modulation {
     /// Adds what the spikes of the readout before do to the next.
     pub(super) fn couple(&mut self, plan: &Plan, state: &State) {
         let Some(further) = plan.further().filter(|f| f.couples()) else { return };
+        self.around.follow(plan, further, &state.fired);
+    }
+}
+
+impl Around {
+    /// Looks at the spikes of a readout (-1 is one), padded.
+    #[inline(always)]
+    pub(super) fn follow(&mut self, plan: &Plan, further: &Further, fired: &[i16]) {
         let geometry = plan.geometry();
-        let fired = &state.fired[..geometry.pixels()];
-        let spikes: u32 = fired.iter().map(|&f| u32::from(f != 0)).sum();
-        self.droop = -(further.droop * (spikes as f32 / geometry.pixels() as f32));
-        self.neighbours = neighbours(fired, geometry.width());
-        self.neighbours.resize(plan.padded(), 0);
+        let padded = fired.len();
+        let fired = &fired[..geometry.pixels()];
+        if further.droop != 0.0 {
+            let spikes: i32 = fired.iter().map(|&f| -i32::from(f)).sum();
+            self.droop = -(further.droop * (spikes as f32 / geometry.pixels() as f32));
+        }
+        if further.coupling != 0.0 {
+            self.neighbours.resize(padded, 0);
+            count_neighbours(fired, geometry.width(), &mut self.neighbours[..geometry.pixels()]);
+        }
     }
 }
 
@@ -69,8 +89,9 @@ fn rows(further: &Further, round: Round) -> impl Iterator<Item = f32> {
 }
 
 /// How many of the pixels above, below, left and right have fired (-1 is a spike).
-fn neighbours(fired: &[i16], width: usize) -> Vec<i16> {
-    let mut counts = vec![0; fired.len()];
+#[inline(always)]
+fn count_neighbours(fired: &[i16], width: usize, counts: &mut [i16]) {
+    counts.fill(0);
     for (p, row) in fired.chunks_exact(width).enumerate().map(|(r, row)| (r * width, row)) {
         let here = &mut counts[p..p + width];
         add(&mut here[1..], row);
@@ -82,10 +103,10 @@ fn neighbours(fired: &[i16], width: usize) -> Vec<i16> {
             add(here, &fired[p + width..]);
         }
     }
-    counts
 }
 
 /// One loop for one neighbour: both sides in one loop wait for each other's sums.
+#[inline(always)]
 fn add(counts: &mut [i16], fired: &[i16]) {
     counts.iter_mut().zip(fired).for_each(|(count, f)| *count -= f);
 }
@@ -96,6 +117,11 @@ mod tests {
 
     #[test]
     fn neighbours_are_counted_up_to_the_border() {
+        let neighbours = |fired: &[i16], width: usize| {
+            let mut counts = vec![7; fired.len()];
+            count_neighbours(fired, width, &mut counts);
+            counts
+        };
         // A spike in the corner of 3x3, and one in the middle.
         let fired = [-1, 0, 0, 0, -1, 0, 0, 0, 0];
         assert_eq!(neighbours(&fired, 3), [0, 2, 0, 2, 0, 1, 0, 1, 0]);

@@ -152,13 +152,17 @@ pub(super) fn compare_words<L: Lanes>(
     let fired = l.or(reached, borrowed);
     let less_noise = l.sub_w(charge, noise);
     let mut reset = l.select_w(reached, l.sub_w(less_noise, threshold), less_noise);
+    pixel.surplus = l.sub_where(borrowed, pixel.surplus, l.splat(1));
     if rules.kept_remainder != 1.0 {
         let remainder = l.to_f(l.add_w(reset, threshold));
         let kept = fixed(l, l.mul_f(remainder, l.splat_f(rules.kept_remainder)), true);
-        reset = l.sub_w(kept, threshold);
+        reset = if rules.surplus {
+            lose_surplus(l, rules.lost_remainder, constants.threshold, kept, fired, pixel)
+        } else {
+            l.sub_w(kept, threshold)
+        };
     }
     pixel.set_word(l, l.select_w(fired, reset, charge));
-    pixel.surplus = l.sub_where(borrowed, pixel.surplus, l.splat(1));
     for _ in 0..rules.extra_thresholds {
         let more = l.and(reached, l.not_less(pixel.charge, l.splat(0)));
         pixel.charge = l.sub_where(more, pixel.charge, constants.threshold);
@@ -169,6 +173,29 @@ pub(super) fn compare_words<L: Lanes>(
         pixel.held_fraction = l.select(fired, l.low(fresh), pixel.held_fraction);
     }
     fired
+}
+
+/// The charge above the threshold of pixels that hold `stored` after a reset which loses a remainder: of the
+/// counted surplus, whole thresholds are lost as such and the rest from `stored`, or from one more of them.
+#[inline(always)]
+fn lose_surplus<L: Lanes>(
+    l: L,
+    share: f32,
+    threshold: L::Half,
+    stored: L::Word,
+    fired: L::Mask,
+    pixel: &mut Pixels<L>,
+) -> L::Word {
+    let lost = l.mul_f(l.to_f(l.widen(pixel.surplus)), l.splat_f(share));
+    let whole = l.truncate(lost);
+    pixel.surplus = l.sub_where(fired, pixel.surplus, l.low(whole));
+    let threshold = l.join(threshold, l.splat(0));
+    let part = l.sub_f(lost, l.to_f(whole));
+    let left = l.sub_w(stored, fixed(l, l.mul_f(part, l.to_f(threshold)), true));
+    let zero = l.splat(0);
+    let taken = l.and(fired, l.and(l.greater(zero, l.high(left)), l.greater(pixel.surplus, zero)));
+    pixel.surplus = l.sub_where(taken, pixel.surplus, l.splat(1));
+    l.select_w(taken, left, l.sub_w(left, threshold))
 }
 
 #[inline(always)]

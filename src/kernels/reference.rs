@@ -6,9 +6,9 @@
 use crate::draws::hash::{Round, bits, half, key};
 use crate::draws::{gauss, poisson};
 use crate::kernels::reference_further::{self as further, Lingering};
-use crate::kernels::{Job, Light, Samples};
-use crate::pixel::Redraw;
-use crate::plan::{NoiseTable, Plan, StateParts};
+use crate::kernels::reference_reset::compare;
+use crate::kernels::{Around, Job, Light, Samples};
+use crate::plan::{Plan, StateParts};
 
 /// Increments and noise of one pixel under one light.
 #[derive(Clone, Copy)]
@@ -27,34 +27,68 @@ struct Increment {
 }
 
 /// A pixel's state in registers of comfortable width.
-struct Pixel {
-    charge: i16,
-    fraction: u16,
-    surplus: i16,
+pub(super) struct Pixel {
+    pub charge: i16,
+    pub fraction: u16,
+    pub surplus: i16,
     fired: bool,
-    held: i32,
-    lingering: Lingering,
+    pub held: i32,
+    pub lingering: Lingering,
 }
 
 /// See [`crate::kernels::run`].
 pub fn run(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
     out.fill(0);
-    let bytes = job.tile_bytes();
+    if job.plan.couples() {
+        return together(job, state, out);
+    }
+    let around = &job.batch.modulation().around;
     for (i, p) in job.range().enumerate() {
         let mut pixel = load(state, i);
         for (readouts, light) in job.batch.segments() {
             for (k, t) in readouts.clone().enumerate() {
-                let light = light_at(job.plan, light, p, k).min(job.plan.rules().greatest_light);
-                let light = further::seen(job, t, light, &mut pixel.lingering);
-                let dark = further::dark(job, p, t, &mut pixel.lingering);
-                let increment = increment(job.plan, p, light, dark);
-                if readout(job, p, t, &increment, &mut pixel) {
-                    out[t * bytes + i / 8] |= 1 << (i % 8);
+                if step(job, p, (k, t), light, around, &mut pixel) {
+                    out[t * job.tile_bytes() + i / 8] |= 1 << (i % 8);
                 }
             }
         }
         store(state, i, &pixel);
     }
+}
+
+/// Pixels that act on each other: one readout of all after the other.
+fn together(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+    let mut around = job.batch.modulation().around.clone();
+    for (readouts, light) in job.batch.segments() {
+        for (k, t) in readouts.clone().enumerate() {
+            for (i, p) in job.range().enumerate() {
+                let mut pixel = load(state, i);
+                if step(job, p, (k, t), light, &around, &mut pixel) {
+                    out[t * job.tile_bytes() + i / 8] |= 1 << (i % 8);
+                }
+                store(state, i, &pixel);
+            }
+            if let Some(further) = job.plan.further().filter(|_| job.is_whole_sensor()) {
+                around.follow(job.plan, further, state.fired);
+            }
+        }
+    }
+}
+
+/// Readout `t`, which is number `k` of its segment; returns the reported bit.
+fn step(
+    job: &Job<'_>,
+    p: usize,
+    (k, t): (usize, usize),
+    light: &Light<'_>,
+    around: &Around,
+    pixel: &mut Pixel,
+) -> bool {
+    let light = light_at(job.plan, light, p, k).min(job.plan.rules().greatest_light);
+    let light = further::seen(job, t, light, &mut pixel.lingering);
+    let dark = further::dark(job, p, t, &mut pixel.lingering);
+    let increment = increment(job.plan, p, light, dark);
+    readout(job, p, t, &increment, around, pixel)
 }
 
 fn load(state: &StateParts<'_>, i: usize) -> Pixel {
@@ -145,7 +179,7 @@ fn increment(plan: &Plan, p: usize, light: f32, dark: f32) -> Increment {
 }
 
 /// The rounding multiply of the lanes.
-fn scaled(unit: i16, multiplier: i16) -> i16 {
+pub(super) fn scaled(unit: i16, multiplier: i16) -> i16 {
     ((i32::from(unit) * i32::from(multiplier) + (1 << 14)) >> 15) as i16
 }
 
@@ -154,16 +188,23 @@ pub(super) fn unit(round: Round, p: usize) -> i16 {
 }
 
 /// One readout; returns the reported bit.
-fn readout(job: &Job<'_>, p: usize, t: usize, increment: &Increment, pixel: &mut Pixel) -> bool {
+fn readout(
+    job: &Job<'_>,
+    p: usize,
+    t: usize,
+    increment: &Increment,
+    around: &Around,
+    pixel: &mut Pixel,
+) -> bool {
     let rules = job.plan.rules();
     let stored = i32::from(pixel.charge) << 16 | i32::from(pixel.fraction);
     add(pixel, further::leaked(job.plan, p, stored));
     gather_charge(job, p, t, increment, pixel);
-    add(pixel, further::given(job, p));
+    add(pixel, further::given(job, p, around));
     if let Some(&ceiling) = job.plan.tables().ceiling.get(p) {
         pixel.charge = pixel.charge.min(ceiling);
     }
-    let fired = compare(job, p, t, pixel);
+    let fired = compare(job, p, t, around.droop, pixel);
     pixel.fired = fired;
     pixel.lingering.adapt(job.plan, fired);
     let Some(flip) = rules.flip else { return fired };
@@ -210,53 +251,4 @@ fn add(pixel: &mut Pixel, fixed: i32) {
     pixel.fraction = fraction;
     let whole = pixel.charge.saturating_add((fixed >> 16) as i16);
     pixel.charge = whole.saturating_add(i16::from(carry));
-}
-
-/// Compares with the noisy threshold and resets; returns whether it fired.
-fn compare(job: &Job<'_>, p: usize, t: usize, pixel: &mut Pixel) -> bool {
-    let (tables, rules) = (job.plan.tables(), job.plan.rules());
-    let threshold = i32::from(tables.threshold[p]) << 16;
-    let fresh = || match &tables.noise {
-        None => 0,
-        Some(NoiseTable::Whole(m)) => {
-            i32::from(scaled(unit(job.batch.rounds().noise[t].thermal, p), m[p])) << 16
-        }
-        Some(NoiseTable::Fine(m)) => fixed(f32::from(unit(job.batch.rounds().noise[t].thermal, p)) * m[p]),
-    };
-    let frozen = rules.redraw == Redraw::EveryReset;
-    let offset = further::offset(job, p, t, &mut pixel.lingering);
-    let noise = (if frozen { pixel.held } else { fresh() }).wrapping_add(offset);
-    if pixel.surplus > 0 && pixel.charge < -tables.threshold[p] {
-        // A negative current has drained the charge below empty: the surplus fills it up.
-        pixel.charge += tables.threshold[p];
-        pixel.surplus -= 1;
-    }
-    let mut charge = i32::from(pixel.charge) << 16 | i32::from(pixel.fraction);
-    let reached = charge >= noise.wrapping_add(further::compared(job, p, t));
-    let borrowed = !reached && pixel.surplus > 0;
-    let fired = reached || borrowed;
-    if fired {
-        charge = charge.wrapping_sub(noise);
-        if reached {
-            charge = charge.wrapping_sub(threshold);
-        } else {
-            pixel.surplus -= 1;
-        }
-        if frozen {
-            pixel.held = fresh();
-        }
-        if rules.kept_remainder != 1.0 {
-            let remainder = charge.wrapping_add(threshold) as f32 * rules.kept_remainder;
-            charge = fixed(remainder).wrapping_sub(threshold);
-        }
-    }
-    for _ in 0..if reached { rules.extra_thresholds } else { 0 } {
-        if charge >= 0 {
-            charge = charge.wrapping_sub(threshold);
-            pixel.surplus = pixel.surplus.saturating_add(1);
-        }
-    }
-    pixel.charge = (charge >> 16) as i16;
-    pixel.fraction = charge as u16;
-    fired
 }

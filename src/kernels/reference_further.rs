@@ -1,8 +1,7 @@
 //! The reference's rarer operations, one pixel and one readout at a time.
 
-use crate::kernels::Job;
-use crate::kernels::Samples;
 use crate::kernels::reference::{fixed, flip_draw, sample, unit};
+use crate::kernels::{Around, Job, Samples};
 use crate::plan::{ADAPTED, LATE, LOW, Plan, SLOW, StateParts};
 
 /// What lingers of one pixel.
@@ -92,13 +91,13 @@ pub(super) fn leaked(plan: &Plan, p: usize, stored: i32) -> i32 {
 }
 
 /// What neighbours that fired at the readout before give.
-pub(super) fn given(job: &Job<'_>, p: usize) -> i32 {
-    let count = job.batch.modulation().neighbours.get(p).copied().unwrap_or(0);
+pub(super) fn given(job: &Job<'_>, p: usize, around: &Around) -> i32 {
+    let count = around.neighbours.get(p).copied().unwrap_or(0);
     job.plan.further().map_or(0, |f| fixed(f32::from(count) * f.coupling * f.threshold[p]))
 }
 
 /// By how much the threshold is off.
-pub(super) fn offset(job: &Job<'_>, p: usize, t: usize, lingering: &mut Lingering) -> i32 {
+pub(super) fn offset(job: &Job<'_>, p: usize, t: usize, droop: f32, lingering: &mut Lingering) -> i32 {
     let (Some(further), modulation) = (job.plan.further(), job.batch.modulation()) else { return 0 };
     let mut offset = 0.0;
     if let Some(round) = modulation.row.get(t) {
@@ -110,7 +109,7 @@ pub(super) fn offset(job: &Job<'_>, p: usize, t: usize, lingering: &mut Lingerin
         offset += lingering.slow;
     }
     offset += lingering.adapted;
-    offset += modulation.droop;
+    offset += droop;
     fixed(offset * further.threshold[p])
 }
 

@@ -200,7 +200,7 @@ impl Plan {
         self.further.as_ref()
     }
 
-    /// Whether pixels act on each other, so that a batch is one readout.
+    /// Whether pixels act on each other, so that a batch is one tile or one readout.
     #[must_use]
     #[inline]
     pub fn couples(&self) -> bool {

@@ -102,7 +102,7 @@ impl Extremes {
 /// Chooses the scale; `docs/fixed-point.md`, "Headroom", derives each line.
 pub(super) fn choose(model: &Model, light: f64) -> Result<Scale> {
     let mut e = Extremes::of(model, light);
-    let storage = storage(model, &mut e)?;
+    let storage = storage(model, &mut e);
     let reach = f64::from(gauss::LARGEST) / gauss::SCALE;
     let sway = e.sway * e.threshold;
     let most = [
@@ -140,27 +140,24 @@ pub(super) fn choose(model: &Model, light: f64) -> Result<Scale> {
     Ok(Scale { steps, storage, extra_thresholds, unreached: UNREACHED + e.sway })
 }
 
-fn storage(model: &Model, e: &mut Extremes) -> Result<Storage> {
+fn storage(model: &Model, e: &mut Extremes) -> Storage {
     let below_full_scale = e.relative_increment <= 1.0 + 1e-6;
     let noiseless = e.noise == 0.0 && e.shot == 0.0 && e.sway == 0.0;
     let starts_below = model.start_charge(e.smallest_threshold, 1.0, 1.0) <= e.smallest_threshold;
     let loses_remainder = model.ops.iter().any(|op| matches!(op, Op::Remainder { lost } if *lost > 0.0));
     if below_full_scale && noiseless && starts_below && !loses_remainder && e.ceiling >= 2.0 {
-        return Ok(Storage::Free);
+        return Storage::Free;
     }
     if e.ceiling.is_finite() {
-        return Ok(Storage::Clamped);
+        return Storage::Clamped;
     }
-    if !loses_remainder {
-        return Ok(Storage::Surplus);
+    if !loses_remainder || !below_full_scale {
+        return Storage::Surplus;
     }
     // A pixel whose increments stay below its threshold never holds two of them,
-    // so a bound above that changes nothing; brighter ones need a stated bound.
-    if !below_full_scale {
-        return Err(unbounded_remainder(e));
-    }
+    // so a bound above that changes nothing, and is faster than counting.
     e.ceiling = UNREACHED + e.sway;
-    Ok(Storage::Clamped)
+    Storage::Clamped
 }
 
 fn too_small(e: &Extremes) -> Error {
@@ -168,13 +165,6 @@ fn too_small(e: &Extremes) -> Error {
         .found(format_args!("a pixel with {:.2} % of the nominal threshold", 100.0 * e.smallest_threshold))
         .expected("at least 64 steps of charge for every pixel")
         .remedy("lower the spread of capacitor_mismatch or bias_voltage")
-}
-
-fn unbounded_remainder(e: &Extremes) -> Error {
-    Error::new(Kind::Config, "partial_reset without saturation_clamp")
-        .found(format_args!("increments of up to {:.3} thresholds per readout", e.relative_increment))
-        .expected("at most one threshold per readout, or a bound on the stored charge")
-        .remedy("add saturation_clamp, or lower the exposure")
 }
 
 fn too_wide(e: &Extremes, light: f64) -> Error {

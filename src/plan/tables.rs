@@ -88,6 +88,8 @@ pub struct Rules {
     pub lost_increment: f32,
     /// Share of the remaining charge that is kept at a spike.
     pub kept_remainder: f32,
+    /// The rest of it; a small share is known to more digits than what it leaves.
+    pub lost_remainder: f32,
     /// Flipped bits, if any.
     pub flip: Option<Flip>,
     /// Whether some increment or noise could leave the range of the state and
@@ -119,6 +121,7 @@ pub(super) fn build(
         extra_thresholds: scale.extra_thresholds,
         lost_increment: first.lost_increment as f32,
         kept_remainder: (1.0 - first.lost_remainder) as f32,
+        lost_remainder: first.lost_remainder as f32,
         flip: flips
             .then(|| Flip { missed: probability(first.missed), spurious: probability(first.spurious) }),
         clip: laws.iter().any(|law| clips(law, scale, greatest_light)),

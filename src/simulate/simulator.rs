@@ -8,6 +8,14 @@ use crate::simulate::FrameRef;
 /// Pixels of a tile: its tables, state and bits stay in the first-level cache.
 const TILE: usize = 4096;
 
+/// Most pixels that act on each other and still run as one tile on one thread: it keeps 75 bytes a pixel, and
+/// where these have to come from memory it gains nothing.
+const TOGETHER: usize = 1 << 18;
+
+/// Tiles of pixels that act on each other run a readout at a time, which takes this many threads to be as
+/// fast as one tile of them all on one.
+const TOGETHER_THREADS: usize = 2;
+
 /// Readouts of a batch: long enough that loading a vector's tables costs
 /// nothing, short enough that a tile's bits stay in cache.
 const BATCH: usize = 128;
@@ -25,6 +33,8 @@ pub struct Simulator {
     plan: Plan,
     state: State,
     backend: Backend,
+    /// Pixels of a tile.
+    tile: usize,
     bits: Vec<Vec<u8>>,
     #[cfg(feature = "threads")]
     pool: Option<std::sync::Arc<rayon::ThreadPool>>,
@@ -42,11 +52,12 @@ impl Simulator {
     /// A plan before its first readout.
     #[must_use]
     pub fn of_plan(plan: Plan) -> Self {
-        let tiles = plan.padded().div_ceil(TILE);
+        let tile = tile_of(&plan, 1);
         Self {
             state: plan.start(),
             backend: Backend::best(),
-            bits: vec![Vec::new(); tiles],
+            bits: vec![Vec::new(); plan.padded().div_ceil(tile)],
+            tile,
             plan,
             #[cfg(feature = "threads")]
             pool: None,
@@ -74,6 +85,8 @@ impl Simulator {
     /// When the system gives no threads.
     #[cfg(feature = "threads")]
     pub fn with_threads(mut self, threads: usize) -> Result<Self> {
+        self.tile = tile_of(&self.plan, threads);
+        self.bits.resize(self.plan.padded().div_ceil(self.tile), Vec::new());
         if threads <= 1 {
             self.pool = None;
             return Ok(self);
@@ -198,7 +211,8 @@ impl Simulator {
     /// has been checked, and `out` has room for every readout.
     pub(crate) fn run(&mut self, segments: &[Segment<'_>], out: &mut [u8]) -> usize {
         let bytes = self.plan.geometry().frame_bytes();
-        let most = if self.plan.couples() { 1 } else { BATCH };
+        let alone = self.plan.couples() && self.tile < self.plan.padded();
+        let most = if alone { 1 } else { BATCH };
         let mut kept = 0;
         for batch in batches(segments, most) {
             let readouts: usize = batch.iter().map(|s| s.readouts).sum();
@@ -210,13 +224,13 @@ impl Simulator {
     fn run_batch(&mut self, segments: &[Segment<'_>], out: &mut [u8]) -> usize {
         let batch = Batch::after(&self.plan, &self.state, segments);
         let readouts = batch.readouts();
-        let (plan, backend) = (&self.plan, self.backend);
+        let (plan, backend, pixels) = (&self.plan, self.backend, self.tile);
         let tile = |(i, (part, bits)): (usize, (&mut StateParts<'_>, &mut Vec<u8>))| {
-            let job = Job::new(plan, &batch, i * TILE, TILE);
+            let job = Job::new(plan, &batch, i * pixels, pixels);
             bits.resize(readouts * job.tile_bytes(), 0);
             kernels::run(backend, &job, part, bits);
         };
-        let mut parts = self.state.tiles(TILE);
+        let mut parts = self.state.tiles(pixels);
         #[cfg(feature = "threads")]
         if let Some(pool) = &self.pool {
             use rayon::prelude::*;
@@ -225,7 +239,7 @@ impl Simulator {
             if !plan.losses().any() {
                 let bytes = plan.geometry().frame_bytes();
                 let frames = out.par_chunks_exact_mut(bytes).enumerate().with_min_len(8);
-                pool.install(|| frames.for_each(|(t, frame)| gather(&self.bits, readouts, t, plan, frame)));
+                pool.install(|| frames.for_each(|(t, frame)| gather(&self.bits, pixels, t, plan, frame)));
                 self.state.advance(readouts);
                 return readouts;
             }
@@ -249,7 +263,7 @@ impl Simulator {
                 kept += 1;
                 frames.next().unwrap_or_default()
             };
-            gather(&self.bits, readouts, t, &self.plan, frame);
+            gather(&self.bits, self.tile, t, &self.plan, frame);
             self.state.repeat(self.plan.is_repeated(readout), frame);
         }
         self.state.advance(readouts);
@@ -257,10 +271,16 @@ impl Simulator {
     }
 }
 
+/// Pixels of a tile.
+fn tile_of(plan: &Plan, threads: usize) -> usize {
+    let together = plan.couples() && threads <= TOGETHER_THREADS && plan.padded() <= TOGETHER;
+    if together { plan.padded() } else { TILE }
+}
+
 /// Collects the tiles' bits of readout `t` into a packed frame.
-fn gather(tiles: &[Vec<u8>], readouts: usize, t: usize, plan: &Plan, frame: &mut [u8]) {
-    for (bits, slot) in tiles.iter().zip(frame.chunks_mut(TILE / 8)) {
-        let bytes = bits.len() / readouts;
+fn gather(tiles: &[Vec<u8>], pixels: usize, t: usize, plan: &Plan, frame: &mut [u8]) {
+    for (i, (bits, slot)) in tiles.iter().zip(frame.chunks_mut(pixels / 8)).enumerate() {
+        let bytes = pixels.min(plan.padded() - i * pixels) / 8;
         slot.copy_from_slice(&bits[t * bytes..][..slot.len()]);
     }
     // Flipped bits may reach into the padding.

@@ -1,0 +1,95 @@
+//! The light and the dark current that arrive at a readout, where they are not those of the frame and the table.
+
+use crate::kernels::increment::{cut_off, sample, scalar};
+use crate::kernels::lanes::Lanes;
+use crate::kernels::lingering::Lingering;
+use crate::kernels::pixels::Constants;
+use crate::kernels::{Job, Samples, rare};
+use crate::plan::Further;
+
+/// Light of a frame after it has spread to neighbours, in 1/255 of full scale.
+#[inline(always)]
+pub(super) fn optics<L: Lanes>(
+    l: L,
+    job: &Job<'_>,
+    further: &Further,
+    samples: Samples<'_>,
+    p: usize,
+) -> L::Float {
+    let own = sample(l, samples, p);
+    if further.crosstalk == 0.0 {
+        return own;
+    }
+    let geometry = job.plan.geometry();
+    let around = l.load_f(&around(samples, p, geometry.width(), geometry.pixels()), 0);
+    let gained = l.sub_f(around, l.mul_f(own, l.splat_f(4.0)));
+    l.add_f(own, l.mul_f(gained, l.splat_f(further.crosstalk * 0.25)))
+}
+
+/// Sum of the four neighbours' light of 32 pixels from `first` on; a missing neighbour is the pixel itself.
+/// Plain code, once for every new frame.
+#[inline(never)]
+fn around(samples: Samples<'_>, first: usize, width: usize, pixels: usize) -> [f32; 32] {
+    let mut sums = [0.0; 32];
+    for (i, sum) in sums.iter_mut().enumerate().take(pixels.saturating_sub(first)) {
+        let p = first + i;
+        let col = p % width;
+        let up = if p >= width { p - width } else { p };
+        let down = if p + width < pixels { p + width } else { p };
+        let left = if col > 0 { p - 1 } else { p };
+        let right = if col + 1 < width { p + 1 } else { p };
+        *sum =
+            (scalar(samples, up) + scalar(samples, down)) + (scalar(samples, left) + scalar(samples, right));
+    }
+    sums
+}
+
+/// The light that turns into charge at this readout.
+#[inline(always)]
+pub(super) fn seen<L: Lanes>(
+    l: L,
+    job: &Job<'_>,
+    further: &Further,
+    t: usize,
+    light: L::Float,
+    lingering: &mut Lingering<L>,
+) -> L::Float {
+    let mut light = cut_off(l, job.plan.rules().greatest_light, light, true);
+    if further.schedule.is_some() {
+        light = l.mul_f(light, l.splat_f(job.batch.modulation().factors[t]));
+    }
+    if further.quadratic != 0.0 {
+        light = l.min_f(light, l.splat_f(further.peak));
+        light = l.add_f(light, l.mul_f(l.mul_f(light, light), l.splat_f(further.quadratic)));
+    }
+    let Some(lag) = further.lag else { return light };
+    let late = lingering.late;
+    lingering.late = l.add_f(late, l.mul_f(l.sub_f(light, late), l.splat_f(lag.arriving)));
+    l.add_f(light, l.mul_f(l.sub_f(late, light), l.splat_f(lag.fraction)))
+}
+
+/// The dark current of this readout.
+#[inline(always)]
+pub(super) fn switched<L: Lanes>(
+    l: L,
+    job: &Job<'_>,
+    further: &Further,
+    c: &Constants<L>,
+    dark: L::Float,
+    t: usize,
+    lingering: &mut Lingering<L>,
+) -> L::Float {
+    let Some(switch) = &further.telegraph else { return dark };
+    let switches = rare::below(l, c.pair_keys, &job.batch.modulation().telegraph, t, switch.rate);
+    let change = l.select(switches, l.splat(-1), l.splat(0));
+    lingering.low = l.xor(lingering.low, change);
+    let amplitude = l.load_f(&switch.amplitude, c.p);
+    let is_low = l.greater(l.splat(0), lingering.low);
+    let (less, more) = (l.sub_f(dark, amplitude), l.add_f(dark, amplitude));
+    select_f(l, is_low, less, more)
+}
+
+#[inline(always)]
+pub(super) fn select_f<L: Lanes>(l: L, m: L::Mask, a: L::Float, b: L::Float) -> L::Float {
+    l.f_of_bits(l.select_w(m, l.bits_of_f(a), l.bits_of_f(b)))
+}
