@@ -314,6 +314,35 @@ fn dropped_readouts_are_those_of_the_whole_stream_left_out() {
 }
 
 #[test]
+fn a_scene_goes_on_between_frames_while_readouts_are_dropped() {
+    let base: &[(&str, Values<'_>)] = &[START, ("shot_noise", &[("strength", 1.0)])];
+    let whole_camera = camera_with(31, 5, base);
+    let dropped = effects::find("dropped_readouts").unwrap().neutral().with("probability", 0.2).unwrap();
+    let lossy = Plan::new(&whole_camera.clone().with(dropped), seeds(4)).unwrap();
+    let geometry = whole_camera.sensor.geometry;
+    let (from, to) = (random_light(155, 0.0, 0.9, 3), random_light(155, 0.0, 0.9, 5));
+    let weights: Vec<f32> = (0..600).map(|i| i as f32 / 600.0).collect();
+    let (from, to) = (FrameRef::f32(&from, geometry), FrameRef::f32(&to, geometry));
+    let mut whole = vec![0; 600 * geometry.frame_bytes()];
+    let mut simulator = Simulator::new(&whole_camera, seeds(4)).unwrap();
+    simulator.push_between(from, to, &weights, &mut whole).unwrap();
+    let mut bytes = vec![0; 600 * geometry.frame_bytes()];
+    let kept = Simulator::of_plan(lossy.clone()).expose_between(from, to, &weights, &mut bytes).unwrap();
+    let expected: Vec<_> =
+        (0..600).filter(|&t| !lossy.is_dropped(t as u64)).map(|t| frames(&whole, geometry)[t]).collect();
+    assert!((400..560).contains(&kept), "{kept}");
+    assert!(kept == expected.len() && frames(&bytes, geometry)[..kept] == expected);
+    // A buffer that could not hold every readout, and weights that are none.
+    let mut simulator = Simulator::of_plan(lossy);
+    let short = &mut bytes[geometry.frame_bytes()..];
+    assert!(simulator.expose_between(from, to, &weights, short).is_err());
+    assert!(simulator.push_between(from, to, &weights, short).is_err());
+    assert!(simulator.expose_between(from, to, &[0.5, 1.5], short).is_err());
+    assert!(simulator.expose_between(from, to, &[f32::NAN], short).is_err());
+    assert_eq!(simulator.state().readout(), 0);
+}
+
+#[test]
 fn repeated_readouts_hold_the_bits_of_the_readout_before() {
     let base: &[(&str, Values<'_>)] = &[START, ("shot_noise", &[("strength", 1.0)])];
     let effect = effects::find("repeated_readouts").unwrap().neutral().with("probability", 0.3).unwrap();

@@ -4,16 +4,17 @@ use crate::error::{Error, Kind, Result};
 use crate::kernels::{self, Backend, Batch, Job, Light, Segment};
 use crate::plan::{LANES, OTHER_PLAN, Plan, State, StateParts};
 use crate::simulate::FrameRef;
+use crate::simulate::frame::Dense;
 
 /// Pixels of a tile: its tables, state and bits stay in the first-level cache.
 const TILE: usize = 4096;
 
-/// Most pixels that act on each other and still run as one tile on one thread: it keeps 75 bytes a pixel, and
-/// where these have to come from memory it gains nothing.
+/// Most pixels that act on each other and still run as one tile on one thread: it keeps about 120 bytes a pixel,
+/// 30 MB of these.
 const TOGETHER: usize = 1 << 18;
 
-/// Tiles of pixels that act on each other run a readout at a time, which takes this many threads to be as
-/// fast as one tile of them all on one.
+/// Threads up to which pixels that act on each other run as one tile, on one of them: tiles run a readout at a time, and three
+/// threads on two cores were slower with them (`docs/performance.md`).
 const TOGETHER_THREADS: usize = 2;
 
 /// Readouts of a batch: long enough that loading a vector's tables costs
@@ -153,18 +154,15 @@ impl Simulator {
     /// See [`Simulator::push`]; `out` must have room for every readout.
     pub fn expose(&mut self, frame: FrameRef<'_>, readouts: usize, out: &mut [u8]) -> Result<usize> {
         let dense = frame.checked(self.plan.geometry())?;
-        let room = self.readouts(out)?;
-        if room < readouts {
-            return Err(Error::new(Kind::Usage, "output buffer")
-                .found(format_args!("room for {room} packed frames"))
-                .expected(format_args!("room for {readouts}")));
-        }
+        self.has_room(readouts, out)?;
         let light = Light::Held(dense.samples());
         Ok(self.run(&[Segment { readouts, light }], out))
     }
 
     /// Goes from one frame to the next: readout `i` sees
     /// `from + (to - from) * weights[i]`, and `out` has a packed frame for each weight.
+    /// A camera that drops readouts holds the last light until `out` is full; to let the
+    /// scene go on instead see [`Simulator::expose_between`].
     ///
     /// # Errors
     /// See [`Simulator::push`]; weights must lie within 0 to 1.
@@ -177,13 +175,42 @@ impl Simulator {
     ) -> Result<()> {
         let geometry = self.plan.geometry();
         let (from, to) = (from.checked(geometry)?, to.checked(geometry)?);
-        if self.readouts(out)? != weights.len() || weights.iter().any(|w| !(0.0..=1.0).contains(w)) {
+        let segment = between(&from, &to, weights)?;
+        if self.readouts(out)? != weights.len() {
             return Err(Error::new(Kind::Usage, "weights")
                 .found(format_args!("{} weights", weights.len()))
-                .expected("one within 0 to 1 for every packed frame of the output"));
+                .expected("one for every packed frame of the output"));
         }
-        let light = Light::Between { from: from.samples(), to: to.samples(), weights };
-        self.fill(Segment { readouts: weights.len(), light }, out);
+        self.fill(segment, out);
+        Ok(())
+    }
+
+    /// As [`Simulator::push_between`], but returns how many frames of `out` the readouts filled: all
+    /// but those that the camera dropped.
+    ///
+    /// # Errors
+    /// See [`Simulator::push_between`]; `out` must have room for every readout.
+    pub fn expose_between(
+        &mut self,
+        from: FrameRef<'_>,
+        to: FrameRef<'_>,
+        weights: &[f32],
+        out: &mut [u8],
+    ) -> Result<usize> {
+        let geometry = self.plan.geometry();
+        let (from, to) = (from.checked(geometry)?, to.checked(geometry)?);
+        let segment = between(&from, &to, weights)?;
+        self.has_room(weights.len(), out)?;
+        Ok(self.run(&[segment], out))
+    }
+
+    fn has_room(&self, readouts: usize, out: &[u8]) -> Result<()> {
+        let room = self.readouts(out)?;
+        if room < readouts {
+            return Err(Error::new(Kind::Usage, "output buffer")
+                .found(format_args!("room for {room} packed frames"))
+                .expected(format_args!("room for {readouts}")));
+        }
         Ok(())
     }
 
@@ -269,6 +296,15 @@ impl Simulator {
         self.state.advance(readouts);
         kept
     }
+}
+
+/// The segment of a way between frames.
+fn between<'a>(from: &'a Dense<'_>, to: &'a Dense<'_>, weights: &'a [f32]) -> Result<Segment<'a>> {
+    if let Some(outside) = weights.iter().find(|w| !(0.0..=1.0).contains(*w)) {
+        return Err(Error::new(Kind::Usage, "weights").found(outside).expected("weights within 0 to 1"));
+    }
+    let light = Light::Between { from: from.samples(), to: to.samples(), weights };
+    Ok(Segment { readouts: weights.len(), light })
 }
 
 /// Pixels of a tile.
