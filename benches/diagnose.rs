@@ -197,7 +197,7 @@ fn shared(args: &Args) -> (Reference, Strengths) {
     let seconds = start.elapsed().as_secs_f64();
     phases.enter("nameable");
     let file = folder.join("nameable.txt");
-    let version = version::digest();
+    let version = version::of_the_alarm();
     let known = std::fs::read_to_string(&file).ok().and_then(|t| serde_json::from_str::<Value>(&t).ok());
     if let Some(rows) = known.filter(|k| k["version"] == version) {
         let strengths = rows["nameable"].as_array().into_iter().flatten();
@@ -286,7 +286,8 @@ fn run(job: &Job, reference: &Reference, nameable: &Strengths, args: &Args) -> V
         Err(error) => json!({ "error": error.to_string() }),
     };
     let score = score(&job.kinds, found.as_ref().ok());
-    json!({ "version": version::digest(), "id": job.id(), "class": job.class, "hidden": hidden, "score": score, "said": said })
+    let version = version::of(&said["verdict"]);
+    json!({ "version": version, "id": job.id(), "class": job.class, "hidden": hidden, "score": score, "said": said })
 }
 
 /// Names that were said (without those that are likenesses), with their ties.

@@ -12,6 +12,7 @@ mod bits;
 mod candidates;
 mod derivatives;
 mod diagnosis;
+mod drawn;
 mod edges;
 mod events;
 mod extent;

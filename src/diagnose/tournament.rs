@@ -3,6 +3,7 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
+use super::drawn::Priced;
 use super::fit::Fit;
 use super::metric::Metric;
 use super::nameable::reach;
@@ -37,6 +38,11 @@ const ENTERING: f64 = 20.0;
 /// Simulations of a mean: in the tournament, and in its second leg or where sets differ more than clean ones do.
 const FEW: usize = 2;
 pub(super) const SOME: usize = 6;
+
+/// Simulations where the front is nearer than its draws tell apart, and the deviation of a price from which on they are made: of the four
+/// that any two models may differ by, half.
+const FINISH: usize = 24;
+const UNSURE: f64 = 2.0;
 
 /// Logarithm of a noise's determinant over the null's from which on two simulations say little: as of ten statistics with twice the deviation.
 const NOISY: f64 = 14.0;
@@ -76,12 +82,6 @@ impl Fit {
     fn is_noisy(&self) -> bool {
         self.noise_of_its_own() > NOISY
     }
-
-    /// What the draws leave open of the difference of two models' costs, where they are not alike to the null's: a mean of n simulations
-    /// errs by 1/n of the noise's variance, and the cost c of data about it by twice the root of c/n.
-    fn drawn(&self, best: &Self) -> f64 {
-        if self.is_noisy() { (8.0 * best.cost.max(0.0) / best.each.len() as f64).sqrt() } else { 0.0 }
-    }
 }
 
 impl Reference {
@@ -101,36 +101,62 @@ impl Reference {
         let rounds = if fit.effects.is_empty() { ROUNDS_ALONE } else { ROUNDS_BESIDE };
         // Which start is nearer shows at the end: where base numbers took in what is added now, that place costs less at first.
         let enter = |(_, from): &(&str, Vec<Fit>)| {
-            let refined = from.par_iter().map(|f| self.refine(f.clone(), data, rounds[0], few));
-            let refined = refined.collect::<Result<Vec<_>>>()?;
-            Ok(refined.into_iter().min_by(|a, b| a.price().total_cmp(&b.price())))
+            let refined = from.par_iter().map(|f| self.refined(f.clone(), data, rounds[0], few));
+            Ok(refined.collect::<Result<Vec<_>>>()?.into_iter().min_by(cheaper))
         };
-        let fits = starts.par_iter().map(enter).collect::<Result<Vec<Option<Fit>>>>()?;
-        let mut fits: Vec<Fit> = fits.into_iter().flatten().collect();
-        fits.sort_by(|a, b| a.price().total_cmp(&b.price()));
+        let fits = starts.par_iter().map(enter).collect::<Result<Vec<Option<Priced>>>>()?;
+        let mut fits: Vec<Priced> = fits.into_iter().flatten().collect();
+        fits.sort_by(cheaper);
         // Near the front, once more and with less noise.
-        let front = fits[0].price() + 0.15 * (fit.price() - fits[0].price()).max(0.0) + NEAR;
-        let near = fits.iter().take(FINAL).take_while(|f| f.price() < front).count();
+        let front = fits[0].price + 0.15 * (fit.price() - fits[0].price).max(0.0) + NEAR;
+        let near = fits.iter().take(FINAL).take_while(|f| f.price < front).count();
         let far = fits.split_off(near);
-        let again = fits.into_par_iter().map(|f| self.refine(f, data, rounds[1], some));
-        let mut fits = again.collect::<Result<Vec<_>>>()?;
-        fits.sort_by(|a, b| a.price().total_cmp(&b.price()));
-        let best = fits.swap_remove(0);
+        let again = fits.into_par_iter().map(|f| self.refined(f.fit, data, rounds[1], some));
+        let mut fits = self.finish(again.collect::<Result<Vec<_>>>()?, data)?;
+        let Priced { fit: best, .. } = fits[0].clone();
         fits.extend(far);
-        let name = |f: &Fit| f.effects.last().map_or("", |e| e.0);
-        let drawn = fit.drawn(&best);
-        let entrant = |f: &Fit| {
-            // Twice the distance of two models is the deviation of the difference of their costs.
-            let apart = self.metric.square(&(&f.mean - &best.mean)).sqrt();
-            let tied = f.price() - best.price() < 4.0 + 2.0 * apart.min(12.0) + drawn;
-            Entrant { name: name(f), misfit: f.misfit, tied, apart, mean: f.mean.clone() }
-        };
+        let entrants = fits.iter().map(|f| self.entrant(&fits[0], f)).collect();
         let before = self.allowing(&fit.events)?.square(&(data - &fit.mean));
         let after = self.allowing(&best.events)?.square(&(data - &best.mean));
         let share = ((before - after) / (before - own.allowed_floor).max(1.0)).clamp(0.0, 1.0);
-        let entrants = std::iter::once(&best).chain(&fits).map(entrant).collect();
-        let round = Round { winner: name(&best), entrants, accepted: false, share, mean: best.mean.clone() };
+        let round = Round { winner: last(&best), entrants, accepted: false, share, mean: best.mean.clone() };
         Ok(Some((best, round)))
+    }
+
+    pub(super) fn refined(
+        &self,
+        fit: Fit,
+        data: &DVector<f64>,
+        rounds: usize,
+        count: usize,
+    ) -> Result<Priced> {
+        Ok(self.priced(self.refine(fit, data, rounds, count)?, data))
+    }
+
+    /// The front in its order; where draws decide on it, more of them are made.
+    fn finish(&self, mut front: Vec<Priced>, data: &DVector<f64>) -> Result<Vec<Priced>> {
+        front.sort_by(cheaper);
+        let unsure = |f: &Priced| self.entrant(&front[0], f).tied && drawn(&front[0], f) > UNSURE;
+        let mut open: Vec<bool> = front.iter().map(unsure).collect();
+        open[0] = open[1..].contains(&true);
+        let more = |(f, open): (Priced, bool)| {
+            if !open {
+                return Ok(f);
+            }
+            let mut fit = f.fit;
+            self.evaluate(&mut fit, data, FINISH)?;
+            Ok(self.priced(fit, data))
+        };
+        let mut front = front.into_par_iter().zip(open).map(more).collect::<Result<Vec<_>>>()?;
+        front.sort_by(cheaper);
+        Ok(front)
+    }
+
+    fn entrant(&self, best: &Priced, f: &Priced) -> Entrant {
+        // Twice the distance of two models is the deviation of the difference of their costs.
+        let apart = self.apart(best, f);
+        let tied = f.price - best.price < 4.0 + 2.0 * apart.min(12.0) + drawn(best, f);
+        Entrant { name: last(&f.fit), misfit: f.fit.misfit, tied, apart, mean: f.fit.mean.clone() }
     }
 
     /// The candidates that promise most, each with one or two places to begin: the base model's numbers as fitted before, or
@@ -187,6 +213,20 @@ impl Reference {
         }
         entrants
     }
+}
+
+fn cheaper(a: &Priced, b: &Priced) -> std::cmp::Ordering {
+    a.price.total_cmp(&b.price)
+}
+
+/// What the draws leave open of the difference of two prices.
+fn drawn(a: &Priced, b: &Priced) -> f64 {
+    a.deviation.hypot(b.deviation)
+}
+
+/// The effect that was added last.
+fn last(fit: &Fit) -> &'static str {
+    fit.effects.last().map_or("", |e| e.0)
 }
 
 /// How much of `off` a signature takes away at its best scale, within the effect's range.

@@ -18,7 +18,7 @@ const STOOD_IN_FOR: f64 = 5.0;
 const DISPENSED: f64 = 12.0;
 
 /// Share of a swap's gain that the held-out set must show too: a better name gains as much there, one that suits this set's noise
-/// less. A response took the place of weak dark quanta for 30 here and 6 there.
+/// less. A response took the place of weak dark quanta for 30 here and some 6 there.
 const HELD_OUT: f64 = 0.5;
 
 /// Rounds after which another name must explain half of what the name in whose place it stands does.
@@ -57,7 +57,8 @@ impl Reference {
             }
             let without = self.refitted_without(fit, place, &own.metric, data)?;
             // An interval that holds zero is no evidence, whatever the misfit gains.
-            if strength(place) < 2.0 || without.cost < fit.cost + worth {
+            let costlier = self.priced(without.clone(), data).cost() - self.priced(fit.clone(), data).cost();
+            if strength(place) < 2.0 || costlier < worth {
                 return Ok(Some((place, without)));
             }
         }
@@ -94,24 +95,27 @@ impl Reference {
             let without = self.refine(fit.without(place), data, 1, few)?;
             let others = self.entrants(&without, &own.metric, &(data - &without.mean), &all);
             let others: Vec<_> = others.into_iter().filter(|e| e.1.candidate.name != name).take(2).collect();
-            let halfway = 0.5 * (without.price() + fit.price()) + NEAR;
+            let (with, without) = (self.priced(fit.clone(), data), self.priced(without, data));
+            let halfway = 0.5 * (without.price + with.price) + NEAR;
             let enter = |(scale, s): &(f64, &Signature)| {
-                let entered = self.refine(without.with(&s.candidate, *scale), data, ROUNDS_TO_ENTER, few)?;
-                if entered.price() > halfway {
+                let start = without.fit.with(&s.candidate, *scale);
+                let entered = self.refined(start, data, ROUNDS_TO_ENTER, few)?;
+                if entered.price > halfway {
                     return Ok(None);
                 }
-                self.refine(entered, data, ROUNDS_BESIDE[0] - ROUNDS_TO_ENTER, few).map(Some)
+                self.refined(entered.fit, data, ROUNDS_BESIDE[0] - ROUNDS_TO_ENTER, few).map(Some)
             };
             let fits = others.par_iter().map(enter).collect::<Result<Vec<_>>>()?;
-            let Some(best) = fits.into_iter().flatten().min_by(|a, b| a.price().total_cmp(&b.price())) else {
+            let Some(best) = fits.into_iter().flatten().min_by(|a, b| a.price.total_cmp(&b.price)) else {
                 continue;
             };
-            if best.price() > fit.price() + NEAR {
+            if best.price > with.price + NEAR {
                 continue;
             }
-            let mut best = self.refine(best, data, ROUNDS_BESIDE[1], some)?;
+            let best = self.refined(best.fit, data, ROUNDS_BESIDE[1], some)?;
             let held = |f: &Fit| Ok::<f64, Error>(f.deviance_of(&judge.off(self, f)?));
-            let gained = fit.price() - best.price();
+            let gained = with.price - best.price;
+            let mut best = best.fit;
             if gained < 4.0 || held(fit)? - held(&best)? < gained * HELD_OUT {
                 continue;
             }

@@ -80,15 +80,17 @@ impl State {
 
     /// Remembers the bits of a readout or, where it is `repeated`, replaces them by the last ones.
     pub(crate) fn repeat(&mut self, repeated: bool, frame: &mut [u8]) {
-        let words = frame.chunks_mut(2).zip(&mut self.last);
-        for (bytes, last) in words {
-            if repeated {
-                bytes.copy_from_slice(&last.to_le_bytes()[..bytes.len()]);
-            } else {
-                let mut both = [0; 2];
-                both[..bytes.len()].copy_from_slice(bytes);
-                *last = i16::from_le_bytes(both);
-            }
+        // An odd byte at the end is taken for itself: pairs of unknown length would be copied byte by byte.
+        let (pairs, odd) = frame.as_chunks_mut::<2>();
+        let whole = pairs.len().min(self.last.len());
+        let (last, end) = self.last.split_at_mut(whole);
+        let ends = odd.iter_mut().zip(end);
+        if repeated {
+            pairs.iter_mut().zip(last).for_each(|(pair, last)| *pair = last.to_le_bytes());
+            ends.for_each(|(byte, last)| *byte = *last as u8);
+        } else {
+            pairs.iter().zip(last).for_each(|(pair, last)| *last = i16::from_le_bytes(*pair));
+            ends.for_each(|(byte, last)| *last = i16::from(*byte));
         }
     }
 
