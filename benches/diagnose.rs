@@ -286,7 +286,7 @@ fn run(job: &Job, reference: &Reference, nameable: &Strengths, args: &Args) -> V
         Err(error) => json!({ "error": error.to_string() }),
     };
     let score = score(&job.kinds, found.as_ref().ok());
-    let version = version::of(&said["verdict"]);
+    let version = version::of(&said);
     json!({ "version": version, "id": job.id(), "class": job.class, "hidden": hidden, "score": score, "said": said })
 }
 

@@ -13,7 +13,7 @@ fn read(path: &Path) -> Option<Value> {
 }
 
 fn of_this_version(record: &Value) -> bool {
-    record["version"] == super::version::of(&record["said"]["verdict"])
+    record["version"] == super::version::of(&record["said"])
 }
 
 /// Whether a file holds what this version of the code said.

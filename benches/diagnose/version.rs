@@ -1,7 +1,8 @@
 //! Which code judged a sensor: results of two versions must not share a table.
 //!
-//! A sensor in which nothing was found never came to the code that chooses names, and what was said of it holds when that
-//! changes: `search` asks for a tournament only where something is left.
+//! A sensor in which nothing was found never came to the code that chooses names, and one in which a single name was added
+//! never to the code that looks at several again. What was said of them holds when that code changes: `search` asks for a
+//! tournament only where something is left, and weeds only where two names or more are.
 
 use std::sync::LazyLock;
 
@@ -47,33 +48,51 @@ const SOURCES: [&str; 36] = [
     include_str!("../../tests/hidden_sensor/run.rs"),
 ];
 
-/// What chooses between names, once something is wrong.
-const NAMING: [&str; 3] = [
-    include_str!("../../src/diagnose/drawn.rs"),
-    include_str!("../../src/diagnose/tournament.rs"),
-    include_str!("../../src/diagnose/weed.rs"),
-];
+/// What chooses a name, once something is wrong.
+const NAMING: [&str; 2] =
+    [include_str!("../../src/diagnose/drawn.rs"), include_str!("../../src/diagnose/tournament.rs")];
 
-/// What judged a sensor of which `verdict` was said.
-pub fn of(verdict: &Value) -> &'static str {
-    if verdict == "agrees" { of_the_alarm() } else { digest() }
+/// What looks at several names again.
+const SEVERAL: [&str; 1] = [include_str!("../../src/diagnose/weed.rs")];
+
+/// What judged a sensor of which `said` was said.
+pub fn of(said: &Value) -> &'static str {
+    // The gap is said before any name and after each that is added.
+    let added = said["gap"]["train"].as_array().map_or(usize::MAX, Vec::len);
+    match added {
+        _ if said["verdict"] == "agrees" => of_the_alarm(),
+        ..=2 => of_one_name(),
+        _ => of_several(),
+    }
 }
 
-/// FNV-1a of all sources, in hexadecimal digits.
-fn digest() -> &'static str {
-    static DIGEST: LazyLock<String> = LazyLock::new(|| hashed(SOURCES.iter().chain(&NAMING)));
-    &DIGEST
-}
-
-/// The same of those that choose no names.
+/// FNV-1a, in hexadecimal digits, of the code that raises an alarm.
 pub fn of_the_alarm() -> &'static str {
-    static DIGEST: LazyLock<String> = LazyLock::new(|| hashed(SOURCES.iter()));
+    static DIGEST: LazyLock<String> = LazyLock::new(|| hashed(&[&SOURCES]));
     &DIGEST
 }
 
-fn hashed<'a>(sources: impl Iterator<Item = &'a &'static str>) -> String {
-    let bytes = sources.flat_map(|s| s.bytes());
-    let hash =
-        bytes.fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01B3));
+fn of_one_name() -> &'static str {
+    static DIGEST: LazyLock<String> = LazyLock::new(|| hashed(&[&SOURCES, &NAMING]));
+    &DIGEST
+}
+
+fn of_several() -> &'static str {
+    static DIGEST: LazyLock<String> = LazyLock::new(|| hashed(&[&SOURCES, &NAMING, &SEVERAL]));
+    &DIGEST
+}
+
+fn hashed(sources: &[&[&str]]) -> String {
+    let bytes = sources.concat().into_iter().flat_map(decisive).collect::<Vec<u8>>();
+    let hash = bytes
+        .into_iter()
+        .fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01B3));
     format!("{hash:016x}")
+}
+
+/// A file without what decides nothing: comments, blanks at lines' ends, who may call a function, and its tests.
+fn decisive(source: &str) -> Vec<u8> {
+    let code = source.split("#[cfg(test)]\nmod tests").next().unwrap_or(source);
+    let lines = code.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with("//"));
+    lines.flat_map(|l| l.strip_prefix("pub(super) ").unwrap_or(l).bytes().chain([b'\n'])).collect()
 }

@@ -104,8 +104,8 @@ pub(super) struct Bound {
 /// A noise with directions that cost nothing.
 #[derive(Clone, Debug)]
 pub(super) struct Metric {
-    noise: Noise,
-    directions: DMatrix<f64>,
+    pub(super) noise: Noise,
+    pub(super) directions: DMatrix<f64>,
     weighted: DMatrix<f64>,
     information: DMatrix<f64>,
 }

@@ -152,7 +152,8 @@ impl Reference {
         Ok(front)
     }
 
-    fn entrant(&self, best: &Priced, f: &Priced) -> Entrant {
+    /// How a fit of which the last name is new stands beside the best one.
+    pub(super) fn entrant(&self, best: &Priced, f: &Priced) -> Entrant {
         // Twice the distance of two models is the deviation of the difference of their costs.
         let apart = self.apart(best, f);
         let tied = f.price - best.price < 4.0 + 2.0 * apart.min(12.0) + drawn(best, f);
