@@ -287,7 +287,16 @@ fn run(job: &Job, reference: &Reference, nameable: &Strengths, args: &Args) -> V
     };
     let score = score(&job.kinds, found.as_ref().ok());
     let version = version::of(&said);
-    json!({ "version": version, "id": job.id(), "class": job.class, "hidden": hidden, "score": score, "said": said })
+    let steps = found.as_ref().map_or_else(|_| Vec::new(), |d| d.traces.steps.clone());
+    json!({
+        "version": version,
+        "id": job.id(),
+        "class": job.class,
+        "hidden": hidden,
+        "score": score,
+        "steps": steps,
+        "said": said,
+    })
 }
 
 /// Names that were said (without those that are likenesses), with their ties.

@@ -8,34 +8,28 @@ use std::sync::LazyLock;
 
 use serde_json::Value;
 
-/// What decides on whether anything is wrong, what fits it, and what makes the sensors.
-const SOURCES: [&str; 36] = [
+/// What decides on whether anything is wrong, how strong an effect can be named, and what makes the sensors.
+const SOURCES: [&str; 30] = [
+    include_str!("../../src/diagnose/alarm.rs"),
     include_str!("../../src/diagnose/bits.rs"),
     include_str!("../../src/diagnose/candidates.rs"),
     include_str!("../../src/diagnose/derivatives.rs"),
     include_str!("../../src/diagnose/edges.rs"),
     include_str!("../../src/diagnose/events.rs"),
     include_str!("../../src/diagnose/extent.rs"),
-    include_str!("../../src/diagnose/fit.rs"),
-    include_str!("../../src/diagnose/interval.rs"),
-    include_str!("../../src/diagnose/likelihood.rs"),
     include_str!("../../src/diagnose/limits.rs"),
     include_str!("../../src/diagnose/lines.rs"),
     include_str!("../../src/diagnose/maps.rs"),
     include_str!("../../src/diagnose/metric.rs"),
     include_str!("../../src/diagnose/model.rs"),
     include_str!("../../src/diagnose/nameable.rs"),
-    include_str!("../../src/diagnose/outcome.rs"),
-    include_str!("../../src/diagnose/own.rs"),
     include_str!("../../src/diagnose/quiet.rs"),
     include_str!("../../src/diagnose/recorded.rs"),
     include_str!("../../src/diagnose/redraw.rs"),
     include_str!("../../src/diagnose/reference.rs"),
     include_str!("../../src/diagnose/run.rs"),
     include_str!("../../src/diagnose/scan.rs"),
-    include_str!("../../src/diagnose/search.rs"),
     include_str!("../../src/diagnose/setup.rs"),
-    include_str!("../../src/diagnose/slope.rs"),
     include_str!("../../src/diagnose/spread.rs"),
     include_str!("../../src/diagnose/still.rs"),
     include_str!("../../src/diagnose/time.rs"),
@@ -48,9 +42,18 @@ const SOURCES: [&str; 36] = [
     include_str!("../../tests/hidden_sensor/run.rs"),
 ];
 
-/// What chooses a name, once something is wrong.
-const NAMING: [&str; 2] =
-    [include_str!("../../src/diagnose/drawn.rs"), include_str!("../../src/diagnose/tournament.rs")];
+/// What chooses a name, once something is wrong, and fits it.
+const NAMING: [&str; 9] = [
+    include_str!("../../src/diagnose/drawn.rs"),
+    include_str!("../../src/diagnose/fit.rs"),
+    include_str!("../../src/diagnose/interval.rs"),
+    include_str!("../../src/diagnose/likelihood.rs"),
+    include_str!("../../src/diagnose/outcome.rs"),
+    include_str!("../../src/diagnose/own.rs"),
+    include_str!("../../src/diagnose/search.rs"),
+    include_str!("../../src/diagnose/slope.rs"),
+    include_str!("../../src/diagnose/tournament.rs"),
+];
 
 /// What looks at several names again.
 const SEVERAL: [&str; 1] = [include_str!("../../src/diagnose/weed.rs")];

@@ -8,6 +8,7 @@
 //! Maps are not fitted pixel by pixel: statistics of simulated *populations* are compared, so that
 //! no map can swallow a spatial effect, and one simulation serves temporal and spatial statistics alike.
 
+mod alarm;
 mod bits;
 mod candidates;
 mod derivatives;

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::fit::{Fit, LEANING, trust};
+use super::fit::{Fit, trust};
 use super::limits::{Limits, centre, gamma_limit};
 use super::metric::Metric;
 use super::model::LAMP;
@@ -42,21 +42,6 @@ struct Redrawn {
 }
 
 impl Reference {
-    pub(super) fn own_of_base(&self) -> Own {
-        let known = vec![LEANING; self.model.knobs.len()];
-        let deviations = roots(&self.metric.clone().knowing(&known).covariance());
-        Own {
-            additive: deviations.clone(),
-            deviations,
-            metric: self.metric.clone(),
-            floor: self.clean.floor,
-            floor_sd: self.clean.floor_sd,
-            allowed_floor: self.clean.floor,
-            limits: self.clean.limits,
-            mean: self.mean.clone(),
-        }
-    }
-
     /// The fitted model judged by itself: its numbers redrawn from their posterior.
     pub(super) fn own(&self, fit: &mut Fit, data: &DVector<f64>) -> Result<Own> {
         self.evaluate(fit, data, MEAN)?;
@@ -137,6 +122,6 @@ fn missed(metric: &Metric, redrawn: &[Redrawn], mean: &DVector<f64>) -> Vec<f64>
     (0..linear.nrows()).map(of_knob).collect()
 }
 
-fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
+pub(super) fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
     covariance.diagonal().iter().map(|v| v.sqrt()).collect()
 }

@@ -12,7 +12,7 @@ use super::outcome::outcome;
 use super::picture::pictures;
 use super::rebase::rebased;
 use super::reference::{Progress, Reference, Signature};
-use super::search::{Judge, search};
+use super::search::{Case, Judge, search};
 use super::setup::{Measured, Setup};
 use super::spread::Spread;
 use super::time::{line, power, sharpened};
@@ -91,7 +91,8 @@ pub fn diagnose(
         held_out: holdout.is_some() || !alone,
     };
     let signatures = with_line(reference, &setup, &measured)?;
-    let mut found = search(reference, &signatures, &data, &judge, progress)?;
+    let case = Case { reference, signatures: &signatures, data: &data, judge: &judge };
+    let mut found = search(&case, progress)?;
     let mut diagnosis = outcome(reference, &mut found, &data, options.camera)?;
     if let Some((first, rows)) = setup.band {
         diagnosis.notes.push(format!(

@@ -7,9 +7,11 @@ mod feed;
 mod frame;
 #[cfg(feature = "files")]
 mod run;
+mod segments;
 #[cfg(feature = "files")]
 mod sidecar;
 mod simulator;
+mod tiles;
 #[cfg(feature = "files")]
 mod writing;
 

@@ -2,20 +2,10 @@ use crate::draws::Seeds;
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
 use crate::kernels::{self, Backend, Batch, Job, Light, Segment};
-use crate::plan::{LANES, OTHER_PLAN, Plan, State, StateParts};
+use crate::plan::{OTHER_PLAN, Plan, State, StateParts};
 use crate::simulate::FrameRef;
-use crate::simulate::frame::Dense;
-
-/// Pixels of a tile: its tables, state and bits stay in the first-level cache.
-const TILE: usize = 4096;
-
-/// Most pixels that act on each other and still run as one tile on one thread: it keeps about 120 bytes a pixel,
-/// 30 MB of these.
-const TOGETHER: usize = 1 << 18;
-
-/// Threads up to which pixels that act on each other run as one tile, on one of them: tiles run a readout at a time, and three
-/// threads on two cores were slower with them (`docs/performance.md`).
-const TOGETHER_THREADS: usize = 2;
+use crate::simulate::segments::{batches, between, split};
+use crate::simulate::tiles::{gather, tile_of};
 
 /// Readouts of a batch: long enough that loading a vector's tables costs
 /// nothing, short enough that a tile's bits stay in cache.
@@ -173,16 +163,15 @@ impl Simulator {
         weights: &[f32],
         out: &mut [u8],
     ) -> Result<()> {
-        let geometry = self.plan.geometry();
-        let (from, to) = (from.checked(geometry)?, to.checked(geometry)?);
-        let segment = between(&from, &to, weights)?;
-        if self.readouts(out)? != weights.len() {
-            return Err(Error::new(Kind::Usage, "weights")
-                .found(format_args!("{} weights", weights.len()))
-                .expected("one for every packed frame of the output"));
-        }
-        self.fill(segment, out);
-        Ok(())
+        self.on_the_way(from, to, weights, |simulator, segment| {
+            if simulator.readouts(out)? != weights.len() {
+                return Err(Error::new(Kind::Usage, "weights")
+                    .found(format_args!("{} weights", weights.len()))
+                    .expected("one for every packed frame of the output"));
+            }
+            simulator.fill(segment, out);
+            Ok(())
+        })
     }
 
     /// As [`Simulator::push_between`], but returns how many frames of `out` the readouts filled: all
@@ -197,11 +186,23 @@ impl Simulator {
         weights: &[f32],
         out: &mut [u8],
     ) -> Result<usize> {
+        self.on_the_way(from, to, weights, |simulator, segment| {
+            simulator.has_room(weights.len(), out)?;
+            Ok(simulator.run(&[segment], out))
+        })
+    }
+
+    /// Does `work` with the segment of a way between two frames, once these are checked.
+    fn on_the_way<T>(
+        &mut self,
+        from: FrameRef<'_>,
+        to: FrameRef<'_>,
+        weights: &[f32],
+        work: impl FnOnce(&mut Self, Segment<'_>) -> Result<T>,
+    ) -> Result<T> {
         let geometry = self.plan.geometry();
         let (from, to) = (from.checked(geometry)?, to.checked(geometry)?);
-        let segment = between(&from, &to, weights)?;
-        self.has_room(weights.len(), out)?;
-        Ok(self.run(&[segment], out))
+        work(self, between(&from, &to, weights)?)
     }
 
     fn has_room(&self, readouts: usize, out: &[u8]) -> Result<()> {
@@ -297,69 +298,3 @@ impl Simulator {
         kept
     }
 }
-
-/// The segment of a way between frames.
-fn between<'a>(from: &'a Dense<'_>, to: &'a Dense<'_>, weights: &'a [f32]) -> Result<Segment<'a>> {
-    if let Some(outside) = weights.iter().find(|w| !(0.0..=1.0).contains(*w)) {
-        return Err(Error::new(Kind::Usage, "weights").found(outside).expected("weights within 0 to 1"));
-    }
-    let light = Light::Between { from: from.samples(), to: to.samples(), weights };
-    Ok(Segment { readouts: weights.len(), light })
-}
-
-/// Pixels of a tile.
-fn tile_of(plan: &Plan, threads: usize) -> usize {
-    let together = plan.couples() && threads <= TOGETHER_THREADS && plan.padded() <= TOGETHER;
-    if together { plan.padded() } else { TILE }
-}
-
-/// Collects the tiles' bits of readout `t` into a packed frame.
-fn gather(tiles: &[Vec<u8>], pixels: usize, t: usize, plan: &Plan, frame: &mut [u8]) {
-    for (i, (bits, slot)) in tiles.iter().zip(frame.chunks_mut(pixels / 8)).enumerate() {
-        let bytes = pixels.min(plan.padded() - i * pixels) / 8;
-        slot.copy_from_slice(&bits[t * bytes..][..slot.len()]);
-    }
-    // Flipped bits may reach into the padding.
-    let used = plan.geometry().pixels() % 8;
-    if let (Some(last), true) = (frame.last_mut(), used != 0) {
-        *last &= (1 << used) - 1;
-    }
-}
-
-/// Cuts segments into runs of at most `most` readouts.
-fn batches<'a>(segments: &[Segment<'a>], most: usize) -> Vec<Vec<Segment<'a>>> {
-    let mut all = vec![Vec::new()];
-    let mut room = most;
-    for segment in segments {
-        let mut rest = *segment;
-        while rest.readouts > 0 {
-            if room == 0 {
-                all.push(Vec::new());
-                room = most;
-            }
-            let now = rest.readouts.min(room);
-            let (first, later) = split(rest, now);
-            if let Some(batch) = all.last_mut() {
-                batch.push(first);
-            }
-            room -= now;
-            rest = later;
-        }
-    }
-    all.retain(|batch| !batch.is_empty());
-    all
-}
-
-fn split(segment: Segment<'_>, at: usize) -> (Segment<'_>, Segment<'_>) {
-    let (first, later) = match segment.light {
-        Light::Held(_) => (segment.light, segment.light),
-        Light::Between { from, to, weights } => {
-            let (a, b) = weights.split_at(at);
-            let between = |weights| Light::Between { from, to, weights };
-            (between(a), between(b))
-        }
-    };
-    (Segment { readouts: at, light: first }, Segment { readouts: segment.readouts - at, light: later })
-}
-
-const _: () = assert!(TILE.is_multiple_of(LANES));
