@@ -28,6 +28,7 @@ const UNSAFE: &[&str] = &[
     "kernels/avx2.rs",
     "kernels/avx2_shorts.rs",
     "kernels/avx512.rs",
+    "kernels/avx512_bits.rs",
     "kernels/avx512_counts.rs",
     "kernels/counting.rs",
     "storage/",

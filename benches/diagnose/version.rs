@@ -9,20 +9,24 @@ use std::sync::LazyLock;
 use serde_json::Value;
 
 /// What decides on whether anything is wrong, how strong an effect can be named, and what makes the sensors.
-const SOURCES: [&str; 30] = [
+const SOURCES: [&str; 34] = [
     include_str!("../../src/diagnose/alarm.rs"),
     include_str!("../../src/diagnose/bits.rs"),
     include_str!("../../src/diagnose/candidates.rs"),
+    include_str!("../../src/diagnose/case.rs"),
     include_str!("../../src/diagnose/derivatives.rs"),
     include_str!("../../src/diagnose/edges.rs"),
     include_str!("../../src/diagnose/events.rs"),
     include_str!("../../src/diagnose/extent.rs"),
+    include_str!("../../src/diagnose/fit.rs"),
     include_str!("../../src/diagnose/limits.rs"),
     include_str!("../../src/diagnose/lines.rs"),
     include_str!("../../src/diagnose/maps.rs"),
     include_str!("../../src/diagnose/metric.rs"),
     include_str!("../../src/diagnose/model.rs"),
     include_str!("../../src/diagnose/nameable.rs"),
+    include_str!("../../src/diagnose/outcome.rs"),
+    include_str!("../../src/diagnose/own.rs"),
     include_str!("../../src/diagnose/quiet.rs"),
     include_str!("../../src/diagnose/recorded.rs"),
     include_str!("../../src/diagnose/redraw.rs"),
@@ -43,13 +47,10 @@ const SOURCES: [&str; 30] = [
 ];
 
 /// What chooses a name, once something is wrong, and fits it.
-const NAMING: [&str; 9] = [
+const NAMING: [&str; 6] = [
     include_str!("../../src/diagnose/drawn.rs"),
-    include_str!("../../src/diagnose/fit.rs"),
     include_str!("../../src/diagnose/interval.rs"),
     include_str!("../../src/diagnose/likelihood.rs"),
-    include_str!("../../src/diagnose/outcome.rs"),
-    include_str!("../../src/diagnose/own.rs"),
     include_str!("../../src/diagnose/search.rs"),
     include_str!("../../src/diagnose/slope.rs"),
     include_str!("../../src/diagnose/tournament.rs"),

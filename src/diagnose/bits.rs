@@ -4,7 +4,7 @@
 
 use rayon::prelude::*;
 
-use crate::kernels::counting;
+use crate::kernels::{Bits, Shorts, Work, counting_with};
 use crate::spikes::{Geometry, Packed};
 
 /// The bits of a recording by pixel: bit `t % 64` of word `t / 64` of a pixel is its readout `t`.
@@ -25,10 +25,7 @@ impl PixelBits {
         let groups = geometry.pixels().div_ceil(64);
         let mut data = vec![0; groups * 64 * words];
         let turn = |(g, pixels): (usize, &mut [u64])| {
-            counting(
-                #[inline(always)]
-                || turn_group(frames, g, words, pixels),
-            );
+            counting_with(Turning { frames, group: g, words, pixels });
         };
         data.par_chunks_exact_mut(64 * words.max(1)).enumerate().for_each(turn);
         Self { geometry, readouts, words, data }
@@ -39,23 +36,34 @@ impl PixelBits {
     }
 }
 
-/// The bits of the `group`th 64 pixels.
-#[inline(always)]
-fn turn_group(frames: Packed<'_>, group: usize, words: usize, pixels: &mut [u64]) {
-    let (readouts, bytes) = (frames.readouts(), frames.geometry().frame_bytes());
-    let mut block = [0u64; 64];
-    for w in 0..words {
-        for (i, word) in block.iter_mut().enumerate() {
-            let t = w * 64 + i;
-            *word = if t < readouts {
-                word_at(&frames.bytes()[t * bytes..(t + 1) * bytes], group * 8)
-            } else {
-                0
-            };
-        }
-        transpose(&mut block);
-        for (i, word) in block.iter().enumerate() {
-            pixels[i * words + w] = *word;
+/// The bits of the `group`th 64 pixels, on their way to `words` words of each.
+struct Turning<'a> {
+    frames: Packed<'a>,
+    group: usize,
+    words: usize,
+    pixels: &'a mut [u64],
+}
+
+impl Work for Turning<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<S: Shorts, B: Bits>(self, _: S, b: B) {
+        let (readouts, bytes) = (self.frames.readouts(), self.frames.geometry().frame_bytes());
+        let mut block = [0u64; 64];
+        for w in 0..self.words {
+            for (i, word) in block.iter_mut().enumerate() {
+                let t = w * 64 + i;
+                *word = if t < readouts {
+                    word_at(&self.frames.bytes()[t * bytes..(t + 1) * bytes], self.group * 8)
+                } else {
+                    0
+                };
+            }
+            b.transpose(&mut block);
+            for (i, word) in block.iter().enumerate() {
+                self.pixels[i * self.words + w] = *word;
+            }
         }
     }
 }
@@ -69,24 +77,6 @@ pub(super) fn word_at(bytes: &[u8], at: usize) -> u64 {
             let rest = bytes.get(at..).unwrap_or(&[]);
             rest.iter().enumerate().fold(0, |word, (i, b)| word | u64::from(*b) << (8 * i))
         }
-    }
-}
-
-/// Row `i`, bit `j` and row `j`, bit `i` change places: halves of halves, six times.
-#[inline(always)]
-fn transpose(block: &mut [u64; 64]) {
-    let mut size = 32;
-    let mut mask = 0x0000_0000_FFFF_FFFF_u64;
-    while size > 0 {
-        let mut i = 0;
-        while i < 64 {
-            let swapped = ((block[i] >> size) ^ block[i + size]) & mask;
-            block[i] ^= swapped << size;
-            block[i + size] ^= swapped;
-            i = (i + size + 1) & !size;
-        }
-        size >>= 1;
-        mask ^= mask << size.max(1);
     }
 }
 

@@ -11,6 +11,7 @@
 mod alarm;
 mod bits;
 mod candidates;
+mod case;
 mod derivatives;
 mod diagnosis;
 mod drawn;

@@ -5,6 +5,7 @@ use std::time::Instant;
 use nalgebra::DVector;
 
 use super::candidates::Candidate;
+use super::case::{Case, Judge};
 use super::diagnosis::Diagnosis;
 use super::extent::{Extent, Part};
 use super::model::published;
@@ -12,7 +13,7 @@ use super::outcome::outcome;
 use super::picture::pictures;
 use super::rebase::rebased;
 use super::reference::{Progress, Reference, Signature};
-use super::search::{Case, Judge, search};
+use super::search::search;
 use super::setup::{Measured, Setup};
 use super::spread::Spread;
 use super::time::{line, power, sharpened};

@@ -2,10 +2,10 @@
 
 use nalgebra::DVector;
 
+use super::case::{Case, Judged};
 use super::fit::Fit;
 use super::own::Own;
 use super::reference::{Progress, Reference, Signature};
-use super::setup::Setup;
 use super::tournament::{Round, SOME};
 use crate::error::Result;
 
@@ -46,71 +46,12 @@ pub(super) struct Found {
     pub left: bool,
 }
 
-/// The set that judges: another take, or the second half of the first one, which the model must be
-/// simulated up to.
-pub(super) struct Judge<'a> {
-    pub data: &'a DVector<f64>,
-    /// The protocol, where it is not that of the fitted set.
-    pub setup: Option<&'a Setup>,
-    /// Whether it is other data than what was fitted.
-    pub held_out: bool,
-}
-
-impl Judge<'_> {
-    /// What `fit` promises of this set.
-    fn mean(&self, reference: &Reference, fit: &Fit) -> Result<DVector<f64>> {
-        match self.setup {
-            Some(setup) => reference.mean_under(setup, &fit.model, &fit.u),
-            None => Ok(fit.mean.clone()),
-        }
-    }
-
-    pub fn off(&self, reference: &Reference, fit: &Fit) -> Result<DVector<f64>> {
-        Ok(self.data - self.mean(reference, fit)?)
-    }
-}
-
-/// What a search goes by.
-pub(super) struct Case<'a> {
-    pub reference: &'a Reference,
-    pub signatures: &'a [Signature],
-    /// The set that is fitted.
-    pub data: &'a DVector<f64>,
-    pub judge: &'a Judge<'a>,
-}
-
-/// A fitted model, what its own sensors show, and what the data have beyond that.
-pub(super) struct Judged {
-    pub fit: Fit,
-    pub own: Own,
-    /// What the held-out set is off.
-    pub off: DVector<f64>,
-    /// Whether anything is above its limit.
-    pub left: bool,
-}
-
 impl Case<'_> {
-    fn base(&self) -> Result<Judged> {
-        let (fit, own) = (Fit::base(self.reference, self.data), self.reference.own_of_base());
-        let left = self.alarm(&fit, &own, &(self.data - &own.mean));
-        Ok(Judged { off: self.judge.off(self.reference, &fit)?, fit, own, left })
-    }
-
-    pub fn judged(&self, fit: Fit, own: Own) -> Result<Judged> {
-        let off = self.judge.off(self.reference, &fit)?;
-        let left = self.alarm(&fit, &own, &(self.data - &own.mean)) || self.alarm(&fit, &own, &off);
-        Ok(Judged { fit, own, off, left })
-    }
-
-    fn alarm(&self, fit: &Fit, own: &Own, off: &DVector<f64>) -> bool {
-        self.reference.alarm(fit, own, off, self.signatures)
-    }
-
     /// `next`, which has one effect more, where the held-out set bears it out.
     fn accepted(&self, before: &Judged, mut next: Fit) -> Result<Option<Judged>> {
         let evidence = Evidence {
-            before: before.fit.deviance_of(&before.off),
-            after: next.deviance_of(&self.judge.off(self.reference, &next)?),
+            before: before.deviance(),
+            after: self.deviance(&next)?,
             whole: before.fit.length_of(&(self.judge.data - &self.reference.mean)),
             others: before.fit.effects.len(),
         };

@@ -4,14 +4,15 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::case::{Case, Judged};
 use super::drawn::Priced;
 use super::fit::Fit;
 use super::metric::Metric;
 use super::own::MEAN;
 use super::reference::Signature;
-use super::search::{Case, Judged, REMAINDER};
+use super::search::REMAINDER;
 use super::tournament::{Entrant, NEAR, ROUNDS_BESIDE, Round, SOME};
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// Variance of an amplitude over what it would be if all other numbers were known, from which on others may stand in for it: a cosine of 0.9.
 const STOOD_IN_FOR: f64 = 5.0;
@@ -65,7 +66,7 @@ impl Case<'_> {
             let mut without = self.refitted_without(fit, place, &own.metric)?;
             let costlier = reference.priced(without.clone(), data).cost() - cost;
             // Where an interval holds zero, what was fitted is no evidence, whatever it gains.
-            let weak = strength(place) < 2.0 && !self.shown(fit, &without, costlier)?;
+            let weak = strength(place) < 2.0 && !self.shown(at, &without, costlier)?;
             if !weak && costlier >= worth {
                 continue;
             }
@@ -79,17 +80,11 @@ impl Case<'_> {
         Ok(None)
     }
 
-    /// Whether other data than what was fitted tell `fit` from `other` too, of which the fitted data gained `gained`. An interval may
+    /// Whether other data than what was fitted tell the model from `other` too, of which the fitted data gained `gained`. An interval may
     /// hold zero because numbers stand in for each other, or because a probability moves the noise more than the mean: a lag's share
     /// of 1.7 deviations and a loss of readouts of 1.1 gained 156 and 8,527 here, and 157 and 8,360 there.
-    fn shown(&self, fit: &Fit, other: &Fit, gained: f64) -> Result<bool> {
-        Ok(self.judge.held_out && self.gained_held_out(other, fit)? >= gained * HELD_OUT)
-    }
-
-    /// By how much the held-out set is likelier with `to` than with `from`.
-    fn gained_held_out(&self, from: &Fit, to: &Fit) -> Result<f64> {
-        let deviance = |f: &Fit| Ok::<f64, Error>(f.deviance_of(&self.judge.off(self.reference, f)?));
-        Ok(deviance(from)? - deviance(to)?)
+    fn shown(&self, at: &Judged, other: &Fit, gained: f64) -> Result<bool> {
+        Ok(self.judge.held_out && self.deviance(other)? - at.deviance() >= gained * HELD_OUT)
     }
 
     /// The likelier of two fits without an effect: from where the other numbers were, and from where it would take them.
@@ -111,7 +106,7 @@ impl Case<'_> {
             let name = at.fit.effects[place].0;
             let Some((with, best)) = self.other_name(at, place)? else { continue };
             let gained = with.price - best.price;
-            let better = gained >= 4.0 && self.gained_held_out(&with.fit, &best.fit)? >= gained * HELD_OUT;
+            let better = gained >= 4.0 && at.deviance() - self.deviance(&best.fit)? >= gained * HELD_OUT;
             let rival = if better {
                 Entrant { name, ..self.reference.entrant(&best, &with) }
             } else {

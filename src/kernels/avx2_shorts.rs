@@ -62,6 +62,12 @@ impl Shorts for Avx2 {
         Lanes::bits(self, v)
     }
     #[inline(always)]
+    fn least(self, v: __m256i) -> i16 {
+        let (low, high) = (proven!(_mm256_castsi256_si128(v)), proven!(_mm256_extracti128_si256::<1>(v)));
+        let least = proven!(_mm_minpos_epu16(_mm_min_epu16(low, high)));
+        proven!(_mm_cvtsi128_si32(least)) as i16
+    }
+    #[inline(always)]
     fn zero(self) -> __m256i {
         proven!(_mm256_setzero_si256())
     }

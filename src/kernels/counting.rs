@@ -4,27 +4,35 @@
 
 #[cfg(target_arch = "x86_64")]
 use super::avx2::Avx2;
+#[cfg(target_arch = "x86_64")]
+use super::avx512_bits::Avx512Bits;
+use super::bits::Bits;
 use super::shorts::{AnyCpu, Shorts};
 
-/// Work that also wants vectors of 16-bit integers.
+/// Work that also wants vectors of 16-bit integers, and bits turned and found.
 pub(crate) trait Work {
     type Out;
 
     /// Mark it `#[inline(always)]`, as what it calls in its loops.
-    fn run<S: Shorts>(self, shorts: S) -> Self::Out;
+    fn run<S: Shorts, B: Bits>(self, shorts: S, bits: B) -> Self::Out;
 }
 
-/// Runs `work` with the widest vectors of 16-bit integers that this CPU has, compiled for AVX2, POPCNT and BMI where it has these.
+/// Runs `work` with the widest vectors of 16-bit integers that this CPU has, compiled for AVX2, POPCNT and BMI where it has these, and
+/// with the best that it can make of bits.
 #[inline]
 pub(crate) fn counting_with<W: Work>(work: W) -> W::Out {
     #[cfg(target_arch = "x86_64")]
     {
         if let Some(shorts) = Avx2::detect().filter(|_| has()) {
-            // SAFETY: the CPU has the features that `enter` is compiled with.
-            return unsafe { enter(work, shorts) };
+            return match Avx512Bits::detect() {
+                // SAFETY: the CPU has the features that `enter_wide` is compiled with.
+                Some(bits) => unsafe { enter_wide(work, shorts, bits) },
+                // SAFETY: the CPU has the features that `enter` is compiled with.
+                None => unsafe { enter(work, shorts) },
+            };
         }
     }
-    work.run(AnyCpu)
+    work.run(AnyCpu, AnyCpu)
 }
 
 /// Runs `work` so: without these, a count of bits is a dozen operations. The result is the same. Only what is inlined gains, a large closure
@@ -43,7 +51,7 @@ impl<R, F: FnOnce() -> R> Work for Plain<F> {
     type Out = R;
 
     #[inline(always)]
-    fn run<S: Shorts>(self, _: S) -> R {
+    fn run<S: Shorts, B: Bits>(self, _: S, _: B) -> R {
         (self.0)()
     }
 }
@@ -56,5 +64,13 @@ fn has() -> bool {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,popcnt,bmi1,bmi2")]
 fn enter<W: Work>(work: W, shorts: Avx2) -> W::Out {
-    work.run(shorts)
+    work.run(shorts, AnyCpu)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(
+    enable = "avx2,popcnt,bmi1,bmi2,avx512f,avx512bw,avx512vbmi,avx512vbmi2,avx512vpopcntdq,gfni"
+)]
+fn enter_wide<W: Work>(work: W, shorts: Avx2, bits: Avx512Bits) -> W::Out {
+    work.run(shorts, bits)
 }

@@ -16,10 +16,13 @@ mod avx2_shorts;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 #[cfg(target_arch = "x86_64")]
+mod avx512_bits;
+#[cfg(target_arch = "x86_64")]
 mod avx512_counts;
 mod backend;
 mod bare;
 mod batch;
+mod bits;
 mod body;
 mod counting;
 mod general;
@@ -40,6 +43,7 @@ mod wide_lanes;
 
 pub use backend::Backend;
 pub use batch::{Batch, Job, Light, NoiseRound, Rounds, Samples, Segment};
+pub(crate) use bits::{Bits, Places, ROOM, SLACK, WORDS};
 #[cfg(all(feature = "files", feature = "threads"))]
 pub(crate) use counting::counting;
 pub(crate) use counting::{Work, counting_with};

@@ -30,6 +30,8 @@ pub(crate) trait Shorts: Copy {
     fn max(self, a: Self::Short, b: Self::Short) -> Self::Short;
     /// Bit `i` is the sign of integer `i`.
     fn signs(self, v: Self::Short) -> u32;
+    /// The least of sixteen integers that are not negative.
+    fn least(self, v: Self::Short) -> i16;
     fn zero(self) -> Self::Sum;
     /// `sum` and, in some order, the eight `a[i] * b[i] + a[i + 1] * b[i + 1]` of even `i` (wrapping).
     fn add_products(self, sum: Self::Sum, a: Self::Short, b: Self::Short) -> Self::Sum;
@@ -88,6 +90,11 @@ impl Shorts for AnyCpu {
         a.to_bitmask() | b.to_bitmask() << 8
     }
     #[inline(always)]
+    fn least(self, [a, b]: Two) -> i16 {
+        let all = a.min(b).to_array();
+        all.into_iter().fold(i16::MAX, i16::min)
+    }
+    #[inline(always)]
     fn zero(self) -> Self::Sum {
         [i32x4::splat(0); 2]
     }
@@ -107,6 +114,7 @@ mod tests {
     use rand_pcg::rand_core::{Rng, SeedableRng};
 
     use super::*;
+    use crate::kernels::bits::Bits;
     use crate::kernels::counting::{Work, counting_with};
 
     /// What every method says of two vectors, each as sixteen numbers.
@@ -115,7 +123,7 @@ mod tests {
     impl Work for All {
         type Out = Vec<Vec<i32>>;
 
-        fn run<S: Shorts>(self, s: S) -> Self::Out {
+        fn run<S: Shorts, B: Bits>(self, s: S, _: B) -> Self::Out {
             let (a, b) = (s.load(&self.0), s.load(&self.1));
             let mut said = Vec::new();
             let plain = [s.splat(self.0[0]), s.sub(a, b), s.and(a, b), s.or(a, b), s.greater(a, b)];
@@ -125,6 +133,7 @@ mod tests {
                 said.push(out.map(i32::from).to_vec());
             }
             said.push(vec![s.signs(a) as i32]);
+            said.push(vec![i32::from(s.least(s.and(a, s.splat(i16::MAX))))]);
             // One vector's products in the first sum, of twice as many in the second, and so on.
             let mut sums = [s.zero(); 8];
             for (n, sum) in sums.iter_mut().enumerate() {
@@ -150,6 +159,7 @@ mod tests {
             each(i16::min),
             each(i16::max),
             vec![(0..SHORTS).map(|i| i32::from(a[i] < 0) << i).sum()],
+            vec![a.iter().map(|a| i32::from(a & i16::MAX)).fold(i32::MAX, i32::min)],
             (0..8).map(|n| product.wrapping_mul(n)).collect(),
         ]
     }
@@ -165,7 +175,7 @@ mod tests {
         };
         for _ in 0..2000 {
             let (a, b) = (std::array::from_fn(|_| draw()), std::array::from_fn(|_| draw()));
-            assert_eq!(All(a, b).run(AnyCpu), expected(a, b), "{a:?} {b:?}");
+            assert_eq!(All(a, b).run(AnyCpu, AnyCpu), expected(a, b), "{a:?} {b:?}");
             assert_eq!(counting_with(All(a, b)), expected(a, b), "this CPU: {a:?} {b:?}");
         }
     }

@@ -9,6 +9,11 @@
 use std::ops::Range;
 
 use crate::spikes::Geometry;
+#[cfg(feature = "files")]
+use crate::storage::Words;
+
+#[cfg(not(feature = "files"))]
+type Words = Vec<u64>;
 
 /// Readouts measured together at most: eight turns of the 8-bit vertical counters (248 readouts each), and 31 words
 /// of a pixel's history. What intervals cost per pixel and block is then shared by the four times as many spikes
@@ -29,7 +34,7 @@ pub(super) struct Block {
     frame_words: usize,
     capacity: usize,
     len: usize,
-    words: Vec<u64>,
+    words: Words,
 }
 
 impl Block {
@@ -43,7 +48,11 @@ impl Block {
         let fitting = LARGEST_BUFFER / (frame_words * 8);
         let whole = if fitting >= TURN { TURN } else { 8 };
         let capacity = (fitting / whole * whole).clamp(8, CAPACITY);
-        let words = vec![0; (capacity + 1) * frame_words];
+        let len = (capacity + 1) * frame_words;
+        #[cfg(feature = "files")]
+        let words = Words::zeros(len);
+        #[cfg(not(feature = "files"))]
+        let words = vec![0; len];
         Self { geometry, rows, stride, frame_words, capacity, len: 0, words }
     }
 
@@ -95,7 +104,7 @@ impl Block {
         if width.is_multiple_of(8) && width >= 64 {
             let bytes = width / 8;
             let frame = &frame[rows.start * bytes..rows.end * bytes];
-            frame.chunks_exact(bytes).zip(slot.chunks_exact_mut(self.stride)).for_each(copy_bytes);
+            copy_rows(frame, bytes, slot, self.stride);
             return;
         }
         for (row, out) in rows.zip(slot.chunks_exact_mut(self.stride)) {
@@ -117,17 +126,51 @@ impl Block {
     }
 }
 
+/// Copies rows of whole bytes, eight or more, to whole words each, zero-padded.
+fn copy_rows(frame: &[u8], bytes: usize, slot: &mut [u64], stride: usize) {
+    // A copy of a length that is known takes a third of the instructions of a call.
+    macro_rules! of_length {
+        ($($words:literal)*) => {
+            match stride - 1 {
+                $($words => rows::<$words>(frame, bytes, slot),)*
+                _ => frame.chunks_exact(bytes).zip(slot.chunks_exact_mut(stride)).for_each(copy_bytes),
+            }
+        };
+    }
+    of_length!(1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16);
+}
+
+/// Copies rows of `WORDS` whole words and what is left of less than a word.
+fn rows<const WORDS: usize>(frame: &[u8], bytes: usize, slot: &mut [u64]) {
+    for (row, out) in frame.chunks_exact(bytes).zip(slot.chunks_exact_mut(WORDS + 1)) {
+        let (eights, rest) = row.as_chunks::<8>();
+        let (Some(eights), Some((last, words))) = (eights.first_chunk::<WORDS>(), out.split_last_mut())
+        else {
+            return;
+        };
+        for (word, eight) in words.iter_mut().zip(eights) {
+            *word = u64::from_le_bytes(*eight);
+        }
+        *last = tail(row, rest.len());
+    }
+}
+
+/// The last `bytes` bytes of a row, fewer than eight, as a word.
+#[inline(always)]
+fn tail(row: &[u8], bytes: usize) -> u64 {
+    let end = row.last_chunk().map_or(0, |eight| u64::from_le_bytes(*eight));
+    if bytes == 0 { 0 } else { end >> (64 - 8 * bytes) }
+}
+
 /// Copies a row of eight bytes or more to whole words, zero-padded; the last word begins behind it or within its last eight bytes.
 #[inline(always)]
 fn copy_bytes((row, out): (&[u8], &mut [u64])) {
     let Some((last, words)) = out.split_last_mut() else { return };
-    // A loop over the few words of a row, which the compiler prepares for many, takes 27 instructions more.
     let bytes: &mut [u8] = bytemuck::cast_slice_mut(words);
     let (whole, rest) = row.split_at(bytes.len());
     bytes.copy_from_slice(whole);
     words.iter_mut().for_each(|word| *word = u64::from_le(*word));
-    let end = row.last_chunk().map_or(0, |eight| u64::from_le_bytes(*eight));
-    *last = if rest.is_empty() { 0 } else { end >> (64 - 8 * rest.len()) };
+    *last = tail(row, rest.len());
 }
 
 /// Copies `bits` bits from bit `start` of `bytes` to whole words, zero-padded.

@@ -4,7 +4,8 @@
 use super::Options;
 use super::block::Block;
 use super::estimate::Estimate;
-use super::halves::{ColumnHalves, RowHalves, ones};
+use super::halves::{ColumnHalves, RowHalves};
+use super::newest;
 use crate::spikes::Geometry;
 
 /// Sums of a pair of numbers over readouts.
@@ -105,14 +106,14 @@ impl State {
             let (top, bottom) = columns.add(slot);
             result.top_bottom.add(top, bottom);
         }
-        let total = ones(words);
-        result.sums.add(total, total);
+        let total = newest::spikes(words);
+        result.sums.add(total.into(), total.into());
         if result.totals.len() < self.kept {
-            result.totals.push(total as u32);
+            result.totals.push(total);
         }
         if result.readouts > 0 {
             let before = &block.slot(block.len() - 1)[..block.band_words()];
-            self.compare(distance(before, words));
+            self.compare(newest::changes(before, words));
         }
         self.result.readouts += 1;
     }
@@ -138,11 +139,6 @@ impl State {
         }
         self.result
     }
-}
-
-/// Bits in which two readouts differ.
-fn distance(a: &[u64], b: &[u64]) -> u32 {
-    a.iter().zip(b).map(|(a, b)| (a ^ b).count_ones()).sum()
 }
 
 impl Frames {

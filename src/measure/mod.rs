@@ -28,6 +28,7 @@ mod intervals;
 mod join;
 mod list;
 mod maps;
+mod newest;
 #[cfg(feature = "files")]
 mod spectrum;
 #[cfg(all(feature = "files", feature = "threads"))]
@@ -208,6 +209,9 @@ impl Accumulator {
         for frame in frames.frames() {
             self.block.append(frame);
             if let Some(state) = &mut self.frames {
+                state.push(&self.block);
+            }
+            if let Some(state) = &mut self.intervals {
                 state.push(&self.block);
             }
             let next = self.start + self.block.len() as u32;

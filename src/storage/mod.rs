@@ -8,10 +8,12 @@
 mod digest;
 mod map;
 mod partial;
+mod words;
 mod writer;
 
 pub use digest::Digest;
 pub use map::Map;
+pub(crate) use words::Words;
 pub use writer::{Finished, Writer};
 
 use std::io::Write as _;

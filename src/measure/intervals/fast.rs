@@ -17,7 +17,7 @@ use crate::kernels::{SHORTS, Shorts};
 
 /// A sum at each readout of the block. There is a place for every 16-bit time, so that none needs a check; those
 /// behind the block are never touched but for nothing.
-pub(super) type Table = [i64; 1 << 16];
+pub(super) type Table = [i32; 1 << 16];
 
 /// The largest span of times for lags up to `longest`.
 pub(super) fn span_limit(longest: u32) -> u32 {
@@ -110,7 +110,6 @@ pub(super) fn deviate(
     table: &mut Table,
 ) {
     let n = (end - from).next_multiple_of(8);
-    // Below 2^29 with intervals of 15 bits and a reference within `MAX_READOUTS`.
     let reference = i32x8::splat(reference as i32);
     // Sixteen deviations had to be written and read again: twice as slow.
     let eights = chunks::<8>(times, from, n);
@@ -118,7 +117,7 @@ pub(super) fn deviate(
         let x = i32x8::from_i16x8(i16x8::new(*x));
         let deviations: i32x8 = ((x << 4) - reference) & x.simd_gt(i32x8::splat(0));
         for (time, deviation) in times.iter().zip(deviations.to_array()) {
-            table[usize::from(*time as u16)] += i64::from(deviation);
+            table[usize::from(*time as u16)] += deviation;
         }
     }
 }
@@ -200,19 +199,13 @@ pub(super) fn add_intervals<S: Shorts>(
     let above = s.totals(counts).map(|count| count as u32);
     let n = (end - from) as u32;
     let found = Found {
-        shortest: extreme(s, shortest, i16::min),
-        longest: extreme(s, longest, i16::max),
+        shortest: s.least(shortest) as u32,
+        // The least of what lacks to the greatest.
+        longest: (i16::MAX - s.least(s.sub(most, longest))) as u32,
         within: std::array::from_fn(|j| n - above[2 + j]),
     };
     pixel.shortest = pixel.shortest.min(found.shortest);
     pixel.longest = pixel.longest.max(found.longest);
     pixel.add_above(n, above);
     found
-}
-
-#[inline(always)]
-fn extreme<S: Shorts>(s: S, v: S::Short, of_two: fn(i16, i16) -> i16) -> u32 {
-    let mut all = [0; SHORTS];
-    s.store(&mut all, v);
-    all.into_iter().reduce(of_two).unwrap_or_default() as u32
 }

@@ -5,6 +5,7 @@ mod decode;
 mod fast;
 mod lengths;
 mod pixel;
+mod readouts;
 mod result;
 #[cfg(test)]
 mod tests;
@@ -14,11 +15,13 @@ use std::ops::Range;
 
 use super::block::{Block, CAPACITY};
 use super::counts::NEVER;
-use crate::kernels::{Shorts, Work, counting_with};
+use crate::kernels::{Bits, Places, SLACK, Shorts, WORDS, Work, counting_with};
 use crate::spikes::Geometry;
-use decode::{Histories, SLACK};
+use decode::Histories;
 use lengths::Tally;
 use pixel::{Pixel, REFERENCE};
+pub(super) use readouts::DeviationSum;
+use readouts::Readouts;
 
 pub use lengths::Lengths;
 pub use result::{Deviation, Halves, Intervals, PixelIntervals};
@@ -26,44 +29,6 @@ pub use variance::PhaseNoise;
 
 /// The longest lag, in intervals.
 pub const LONGEST_LAG: u32 = 64;
-
-/// The sum of the deviations of the intervals that end at one readout.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct DeviationSum {
-    /// In sixteenths of a readout.
-    sum: i64,
-    spikes: u32,
-}
-
-/// The readouts of a block as the pixels' intervals see them.
-pub(super) struct Readouts {
-    start: u32,
-    deviation: Box<fast::Table>,
-    /// Spikes without a reference to deviate from.
-    skipped: [u32; CAPACITY],
-}
-
-impl Readouts {
-    fn new() -> Self {
-        let deviation = vec![0; 1 << 16].into_boxed_slice().try_into().expect("as many");
-        Self { start: 0, deviation, skipped: [0; CAPACITY] }
-    }
-
-    fn begin(&mut self, start: u32) {
-        self.start = start;
-        self.deviation[..CAPACITY].fill(0);
-        self.skipped.fill(0);
-    }
-
-    fn deviate(&mut self, readout: u32, interval: u32, reference: u32) {
-        self.deviation[(readout - self.start) as usize] +=
-            REFERENCE as i64 * i64::from(interval) - i64::from(reference);
-    }
-
-    fn skip(&mut self, readout: u32) {
-        self.skipped[(readout - self.start) as usize] += 1;
-    }
-}
 
 /// Spikes, last spikes and squares at the split.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -88,7 +53,7 @@ pub(super) struct State {
 
 /// Buffers of one pixel's work.
 struct Scratch {
-    times: Box<decode::Times>,
+    times: Box<Places>,
     intervals: Vec<i16>,
     exact: Vec<u32>,
     readouts: Readouts,
@@ -105,8 +70,8 @@ impl Work for Taking<'_> {
     type Out = ();
 
     #[inline(always)]
-    fn run<S: Shorts>(self, s: S) {
-        self.state.take(s, self.block, self.start);
+    fn run<S: Shorts, B: Bits>(self, s: S, b: B) {
+        self.state.take(s, b, self.block, self.start);
     }
 }
 
@@ -151,16 +116,24 @@ impl State {
         }
     }
 
+    /// Takes the newest readout of a block.
+    pub(super) fn push(&mut self, block: &Block) {
+        if self.result.deviations.len() + block.len() <= self.series {
+            self.scratch.readouts.count(block);
+        }
+    }
+
     /// Takes a block that starts at readout `start`.
     pub(super) fn process(&mut self, block: &Block, start: u32) {
         counting_with(Taking { state: self, block, start });
     }
 
     #[inline(always)]
-    fn take<S: Shorts>(&mut self, s: S, block: &Block, start: u32) {
+    fn take<S: Shorts, B: Bits>(&mut self, s: S, b: B, block: &Block, start: u32) {
+        let room = (self.series - self.result.deviations.len()).min(block.len());
         let mut histories = Histories::new();
         self.scratch.readouts.begin(start);
-        let mut group = 0;
+        let (mut group, mut unsummed) = (0, 0);
         for at in 0..block.band_words() {
             let (row, column) = (at / block.stride(), at % block.stride() * 64);
             let next = Lengths::group(self.result.rows.start + row, self.result.geometry);
@@ -168,28 +141,41 @@ impl State {
                 self.tally.empty(&mut self.result.lengths, group);
                 group = next;
             }
-            if at % decode::WORDS == 0 {
-                histories.gather(block, at);
+            if at % WORDS == 0 {
+                histories.gather(b, block, at);
             }
+            if unsummed + 64 > readouts::MOST {
+                self.scratch.readouts.sum();
+                unsummed = 0;
+            }
+            unsummed += 64;
             let pixels = 64.min(block.width() - column);
             for i in 0..pixels {
-                let words = histories.pixel(at % decode::WORDS, i);
+                let words = histories.pixel(at, i);
                 if words.iter().any(|w| *w != 0) {
-                    self.add_pixel(s, row * block.width() + column + i, &words, start);
+                    self.add_pixel(s, b, row * block.width() + column + i, &words, start);
                 }
             }
         }
         self.tally.empty(&mut self.result.lengths, group);
-        self.keep_deviations(block);
+        self.scratch.readouts.sum();
+        self.result.deviations.extend(self.scratch.readouts.sums(room));
         self.result.readouts = start + block.len() as u32;
     }
 
     /// Adds the spikes of a pixel in this block; there is at least one.
     #[inline(always)]
-    fn add_pixel<S: Shorts>(&mut self, s: S, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
+    fn add_pixel<S: Shorts, B: Bits>(
+        &mut self,
+        s: S,
+        b: B,
+        p: usize,
+        words: &[u64; decode::HISTORY_WORDS],
+        start: u32,
+    ) {
         let known = self.result.pixels[p].spikes as usize;
         if known > self.depth {
-            self.add_late(s, p, words, start);
+            self.add_late(s, b, p, words, start);
             return;
         }
         // One more than the history, so that the reference is known as well.
@@ -197,32 +183,47 @@ impl State {
         let early = decode::split(&mut late, self.depth + 1 - known);
         self.add_exact(p, &early, start);
         if late.iter().any(|w| *w != 0) {
-            self.add_late(s, p, &late, start);
+            self.add_late(s, b, p, &late, start);
         }
     }
 
     /// Adds the spikes of a pixel whose history is full; there is at least one.
     #[inline(always)]
-    fn add_late<S: Shorts>(&mut self, s: S, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
+    fn add_late<S: Shorts, B: Bits>(
+        &mut self,
+        s: S,
+        b: B,
+        p: usize,
+        words: &[u64; decode::HISTORY_WORDS],
+        start: u32,
+    ) {
         // From the oldest time of the history to the start of the block.
         let before = start.wrapping_sub(self.history[p * self.depth]);
         // A history that ends within the block begins after its start, and the difference is small and negative.
-        if before.wrapping_add(CAPACITY as u32) <= self.span_limit {
-            self.add_fast(s, p, words, start);
+        let near = before.wrapping_add(CAPACITY as u32) <= self.span_limit;
+        if near && self.result.pixels[p].reference <= readouts::LARGEST_REFERENCE {
+            self.add_fast(s, b, p, words, start);
         } else {
             self.add_exact(p, words, start);
         }
     }
 
     #[inline(always)]
-    fn add_fast<S: Shorts>(&mut self, s: S, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
+    fn add_fast<S: Shorts, B: Bits>(
+        &mut self,
+        s: S,
+        b: B,
+        p: usize,
+        words: &[u64; decode::HISTORY_WORDS],
+        start: u32,
+    ) {
         let depth = self.depth;
         let Scratch { times, intervals, readouts, .. } = &mut self.scratch;
         let history = &mut self.history[p * depth..(p + 1) * depth];
         for (time, old) in times.iter_mut().zip(history.iter()) {
             *time = old.wrapping_sub(start) as i16;
         }
-        let end = decode::times(words, times, depth);
+        let end = decode::times(b, words, times, depth);
         let times = times.as_slice();
         fast::differences(s, times, end, intervals);
         let lags = &self.result.lags;
@@ -238,7 +239,7 @@ impl State {
         pixel.spikes += (end - depth) as u32;
         self.tally.add_found(s, &found, pixel.centre(), intervals, depth..end);
         if self.result.deviations.len() < self.series {
-            fast::deviate(times, intervals, depth, end, pixel.reference, &mut readouts.deviation);
+            fast::deviate(times, intervals, depth, end, pixel.reference, &mut readouts.table);
         }
         for (old, time) in history.iter_mut().zip(&times[end - depth..end]) {
             *old = start.wrapping_add_signed(i32::from(*time));
@@ -268,21 +269,6 @@ impl State {
         }
         let kept = times.len().min(self.depth);
         history[self.depth - kept..].copy_from_slice(&times[times.len() - kept..]);
-    }
-
-    #[inline(always)]
-    fn keep_deviations(&mut self, block: &Block) {
-        for i in 0..block.len() {
-            if self.result.deviations.len() == self.series {
-                return;
-            }
-            let band = &block.slot(i + 1)[..block.band_words()];
-            let spikes: u32 = band.iter().map(|w| w.count_ones()).sum();
-            self.result.deviations.push(DeviationSum {
-                sum: self.scratch.readouts.deviation[i],
-                spikes: spikes - self.scratch.readouts.skipped[i],
-            });
-        }
     }
 
     /// Remembers the sums of the first half.

@@ -1,6 +1,6 @@
 //! What is kept of one pixel, and the path that takes any pixel.
 
-use super::Readouts;
+use super::readouts::Readouts;
 
 /// Intervals that make a pixel's reference: its first ones.
 pub(super) const REFERENCE: usize = 16;

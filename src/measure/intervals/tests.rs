@@ -12,7 +12,7 @@ use crate::spikes::{Geometry, set_bit};
 const RATES: [f64; 7] = [0.0, 0.0005, 0.01, 0.05, 0.2, 0.6, 1.0];
 
 /// Measures three blocks, the last one not full, of pixels whose spikes are `jitter` of chance and otherwise regular.
-fn measure(width: u32, jitter: f64, seed: u64, process: fn(&mut State, &Block, u32)) -> Intervals {
+fn measure(width: u32, jitter: f64, seed: u64, portable: bool) -> Intervals {
     let geometry = Geometry::new(width, 3).unwrap();
     let mut block = Block::new(geometry, 0..3);
     let mut state = State::new(geometry, 0..3, vec![1, 2, 4, 8, 16, 24, 32, 64], 40, 3000);
@@ -31,9 +31,13 @@ fn measure(width: u32, jitter: f64, seed: u64, process: fn(&mut State, &Block, u
                 }
             }
             block.append(&frame);
+            state.push(&block);
         }
         block.silence_rest();
-        process(&mut state, &block, start);
+        match portable {
+            true => state.take(AnyCpu, AnyCpu, &block, start),
+            false => state.process(&block, start),
+        }
         start += len as u32;
         block.recycle();
     }
@@ -43,8 +47,7 @@ fn measure(width: u32, jitter: f64, seed: u64, process: fn(&mut State, &Block, u
 #[test]
 fn portable_and_fast_instructions_agree() {
     for (width, jitter) in [(3, 0.0), (64, 0.9), (131, 0.3), (400, 0.1)] {
-        let fast = measure(width, jitter, 5, State::process);
-        let portable = measure(width, jitter, 5, |state, block, start| state.take(AnyCpu, block, start));
+        let [fast, portable] = [false, true].map(|portable| measure(width, jitter, 5, portable));
         assert!(fast == portable, "width {width}, jitter {jitter}");
         assert!(fast.lengths().total() > 0);
     }

@@ -1,0 +1,82 @@
+//! A model judged by the sets at hand.
+
+use nalgebra::DVector;
+
+use super::fit::Fit;
+use super::own::Own;
+use super::reference::{Reference, Signature};
+use super::setup::Setup;
+use crate::error::Result;
+
+/// The set that judges: another take, or the second half of the first one, which the model must be
+/// simulated up to.
+pub(super) struct Judge<'a> {
+    pub data: &'a DVector<f64>,
+    /// The protocol, where it is not that of the fitted set.
+    pub setup: Option<&'a Setup>,
+    /// Whether it is other data than what was fitted.
+    pub held_out: bool,
+}
+
+impl Judge<'_> {
+    /// What `fit` promises of this set.
+    fn mean(&self, reference: &Reference, fit: &Fit) -> Result<DVector<f64>> {
+        match self.setup {
+            Some(setup) => reference.mean_under(setup, &fit.model, &fit.u),
+            None => Ok(fit.mean.clone()),
+        }
+    }
+
+    fn off(&self, reference: &Reference, fit: &Fit) -> Result<DVector<f64>> {
+        Ok(self.data - self.mean(reference, fit)?)
+    }
+}
+
+/// What a search goes by.
+pub(super) struct Case<'a> {
+    pub reference: &'a Reference,
+    pub signatures: &'a [Signature],
+    /// The set that is fitted.
+    pub data: &'a DVector<f64>,
+    pub judge: &'a Judge<'a>,
+}
+
+/// A fitted model, what its own sensors show, and what the data have beyond that.
+pub(super) struct Judged {
+    pub fit: Fit,
+    pub own: Own,
+    /// What the held-out set is off.
+    pub off: DVector<f64>,
+    /// Whether anything is above its limit.
+    pub left: bool,
+}
+
+impl Judged {
+    /// How unlikely the held-out set is.
+    pub fn deviance(&self) -> f64 {
+        self.fit.deviance_of(&self.off)
+    }
+}
+
+impl Case<'_> {
+    pub fn base(&self) -> Result<Judged> {
+        let (fit, own) = (Fit::base(self.reference, self.data), self.reference.own_of_base());
+        let left = self.alarm(&fit, &own, &(self.data - &own.mean));
+        Ok(Judged { off: self.judge.off(self.reference, &fit)?, fit, own, left })
+    }
+
+    pub fn judged(&self, fit: Fit, own: Own) -> Result<Judged> {
+        let off = self.judge.off(self.reference, &fit)?;
+        let left = self.alarm(&fit, &own, &(self.data - &own.mean)) || self.alarm(&fit, &own, &off);
+        Ok(Judged { fit, own, off, left })
+    }
+
+    /// How unlikely the held-out set is under a fit that was not judged yet.
+    pub fn deviance(&self, fit: &Fit) -> Result<f64> {
+        Ok(fit.deviance_of(&self.judge.off(self.reference, fit)?))
+    }
+
+    fn alarm(&self, fit: &Fit, own: &Own, off: &DVector<f64>) -> bool {
+        self.reference.alarm(fit, own, off, self.signatures)
+    }
+}
