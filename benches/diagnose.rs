@@ -12,6 +12,8 @@ mod hidden_sensor;
 mod records;
 #[path = "diagnose/report.rs"]
 mod report;
+#[path = "diagnose/score.rs"]
+mod score;
 #[path = "diagnose/version.rs"]
 mod version;
 
@@ -21,7 +23,7 @@ use std::time::Instant;
 use hidden_sensor::{INSIDE, Kind, LARGE, OUTSIDE, Physics, SMALL, Sensor, Size, changes_bits, write_set};
 use serde_json::{Value, json};
 use spikelane::calibrate::RecordingSet;
-use spikelane::diagnose::{Diagnosis, Extent, Options, Part, Reference, Setup, diagnose, published};
+use spikelane::diagnose::{Extent, Options, Part, Reference, Setup, diagnose, published};
 
 /// Log-uniform strengths, in smallest nameable ones.
 const STRENGTHS: (f64, f64) = (2.0, 30.0);
@@ -285,7 +287,8 @@ fn run(job: &Job, reference: &Reference, nameable: &Strengths, args: &Args) -> V
         Ok(diagnosis) => serde_json::to_value(diagnosis).unwrap(),
         Err(error) => json!({ "error": error.to_string() }),
     };
-    let score = score(&job.kinds, found.as_ref().ok());
+    let hidden = Value::from(hidden);
+    let score = score::of(&hidden, &said);
     let version = version::of(&said);
     let steps = found.as_ref().map_or_else(|_| Vec::new(), |d| d.traces.steps.clone());
     json!({
@@ -296,38 +299,6 @@ fn run(job: &Job, reference: &Reference, nameable: &Strengths, args: &Args) -> V
         "score": score,
         "steps": steps,
         "said": said,
-    })
-}
-
-/// Names that were said (without those that are likenesses), with their ties.
-fn said(diagnosis: &Diagnosis) -> Vec<(String, Vec<String>)> {
-    let owned = |ties: &[&str]| ties.iter().map(|t| (*t).to_owned()).collect();
-    let effects =
-        diagnosis.effects.iter().filter(|e| !e.resembles).map(|e| (e.name.to_owned(), owned(&e.tied_with)));
-    let misfits = diagnosis
-        .misfits
-        .iter()
-        .map(|m| (m.parameter.split('.').next().unwrap_or_default().to_owned(), owned(&m.tied_with)));
-    effects.chain(misfits).collect()
-}
-
-fn score(kinds: &[&Kind], diagnosis: Option<&Diagnosis>) -> Value {
-    let Some(diagnosis) = diagnosis else { return json!({ "error": true }) };
-    let names = said(diagnosis);
-    let exact = |k: &&&Kind| names.iter().any(|(n, _)| n == k.name);
-    let tied = |k: &&&Kind| names.iter().any(|(n, t)| n == k.name || t.iter().any(|t| t == k.name));
-    let wrong: Vec<&String> = names
-        .iter()
-        .filter(|(n, t)| !kinds.iter().any(|k| k.name == n || t.iter().any(|t| t == k.name)))
-        .map(|(n, _)| n)
-        .collect();
-    json!({
-        "exact": kinds.iter().filter(exact).count(),
-        "tied": kinds.iter().filter(tied).count(),
-        "found": kinds.iter().filter(tied).map(|k| k.name).collect::<Vec<_>>(),
-        "wrong": wrong,
-        "verdict": diagnosis.verdict,
-        "names": names.iter().map(|n| &n.0).collect::<Vec<_>>(),
     })
 }
 

@@ -88,14 +88,12 @@ fn main() {
     for (family, options) in families() {
         let mut group = criterion.benchmark_group(family);
         for sample in &samples {
-            let bits = (TIMES * READOUTS * sample.geometry.pixels()) as u64;
-            group.throughput(Throughput::Elements(bits));
-            let id = |unit| BenchmarkId::new(sample.name, unit);
-            group.bench_with_input(id("pixel-readouts"), sample, |b, s| b.iter(|| run(s, &options)));
-            if options.intervals {
-                group.throughput(Throughput::Elements(TIMES as u64 * sample.spikes));
-                group.bench_with_input(id("spikes"), sample, |b, s| b.iter(|| run(s, &options)));
-            }
+            let bits = (READOUTS * sample.geometry.pixels()) as u64;
+            let (unit, n) =
+                if options.intervals { ("spikes", sample.spikes) } else { ("pixel-readouts", bits) };
+            group.throughput(Throughput::Elements(TIMES as u64 * n));
+            let id = BenchmarkId::new(sample.name, unit);
+            group.bench_with_input(id, sample, |b, s| b.iter(|| run(s, &options)));
         }
         group.finish();
     }

@@ -21,12 +21,18 @@ pub fn is_current(path: &Path) -> bool {
     read(path).is_some_and(|r| of_this_version(&r))
 }
 
-/// What this version of the code said, by name; records of other versions are left out.
+/// What this version of the code said, by name, with its score; records of other versions are left out.
 pub fn all(folder: &Path) -> Vec<Value> {
     let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
     files.sort();
     let records = files.iter().filter(|p| p.extension().is_some_and(|e| e == "json"));
-    records.filter_map(|p| read(p)).filter(of_this_version).collect()
+    records.filter_map(|p| read(p)).filter(of_this_version).map(scored).collect()
+}
+
+/// How well it was said is no part of what was: a rule that changes holds for what was judged before.
+fn scored(mut record: Value) -> Value {
+    record["score"] = super::score::of(&record["hidden"], &record["said"]);
+    record
 }
 
 /// Writes the records of this version that `lines` holds and `folder` does not.

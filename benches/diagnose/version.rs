@@ -46,7 +46,7 @@ const SOURCES: [&str; 34] = [
     include_str!("../../tests/hidden_sensor/run.rs"),
 ];
 
-/// What chooses a name, once something is wrong, and fits it.
+/// What chooses a name, once something is wrong, and tells how strong it is.
 const NAMING: [&str; 6] = [
     include_str!("../../src/diagnose/drawn.rs"),
     include_str!("../../src/diagnose/interval.rs"),

@@ -123,9 +123,8 @@ pub(super) fn search(case: &Case<'_>, progress: Progress<'_>) -> Result<Found> {
     }
     if at.fit.effects.len() > 1 {
         let kept = at.fit.effects.clone();
-        case.eliminate(&mut at, &mut rounds)?;
-        progress("swaps", 0.9);
-        case.swap(&mut at, &mut rounds)?;
+        progress("looking again", 0.9);
+        case.weed(&mut at, &mut rounds)?;
         if at.fit.effects != kept {
             gap(&at);
         }

@@ -41,7 +41,7 @@ pub(super) const SOME: usize = 6;
 
 /// Simulations where the front is nearer than its draws tell apart, and the deviation of a price from which on they are made: of the four
 /// that any two models may differ by, half.
-const FINISH: usize = 24;
+pub(super) const FINISH: usize = 24;
 const UNSURE: f64 = 2.0;
 
 /// Logarithm of a noise's determinant over the null's from which on two simulations say little: as of ten statistics with twice the deviation.
@@ -79,7 +79,7 @@ impl Fit {
         if self.is_noisy() { [SOME, 2 * SOME] } else { [FEW, SOME] }
     }
 
-    fn is_noisy(&self) -> bool {
+    pub(super) fn is_noisy(&self) -> bool {
         self.noise_of_its_own() > NOISY
     }
 }

@@ -41,6 +41,7 @@ macro_rules! proven {
         unsafe { $e }
     }};
 }
+pub(super) use proven;
 
 /// The same expression for both vectors of a pair. (A closure given to `map`
 /// might be compiled apart, without the instructions of its caller.)

@@ -4,17 +4,9 @@
 
 use std::arch::x86_64::*;
 
-use super::avx2::Avx2;
+use super::avx2::{Avx2, proven};
 use super::lanes::Lanes;
 use super::shorts::{SHORTS, Shorts};
-
-/// An instruction on values.
-macro_rules! proven {
-    ($e:expr) => {{
-        // SAFETY: `self` exists only where the CPU has the instructions; they touch no memory.
-        unsafe { $e }
-    }};
-}
 
 impl Shorts for Avx2 {
     type Short = __m256i;

@@ -6,6 +6,7 @@ use std::arch::x86_64::*;
 
 use crate::draws::gauss;
 use crate::kernels::Job;
+use crate::kernels::avx2::proven;
 use crate::kernels::avx512_counts;
 use crate::kernels::body::{self, by_case};
 use crate::kernels::lanes::{CountDraw, Lanes, MOST_COUNTS};
@@ -35,14 +36,6 @@ pub(super) fn run(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
 #[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
 fn enter<const CASE: u8>(token: Avx512, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
     body::run::<_, CASE>(token, job, state, out);
-}
-
-/// An instruction on values.
-macro_rules! proven {
-    ($e:expr) => {{
-        // SAFETY: `self` exists only where the CPU has the instructions; they touch no memory.
-        unsafe { $e }
-    }};
 }
 
 /// The same expression for both vectors of a pair. (A closure given to `map`

@@ -5,6 +5,9 @@
 
 use std::arch::x86_64::*;
 
+use bytemuck::cast;
+
+use super::avx2::proven;
 use super::bits::{Bits, Places, ROOM, WORDS};
 
 /// Proof that the CPU has the instructions: only [`Avx512Bits::detect`] makes one.
@@ -24,22 +27,14 @@ impl Avx512Bits {
     }
 }
 
-/// An instruction on values.
-macro_rules! proven {
-    ($e:expr) => {{
-        // SAFETY: `self` exists only where the CPU has the instructions; they touch no memory.
-        unsafe { $e }
-    }};
-}
-
 /// The numbers 0 to 63: the places of a word's bits.
-static PLACE: [u8; 64] = table(false, false);
+const PLACE: [u8; 64] = table(false, false);
 
 /// Byte `c` of eight words to word `c`, the last word's first: the product of bit matrices takes rows upside down.
-static APART: [u8; 64] = table(true, true);
+const APART: [u8; 64] = table(true, true);
 
 /// Byte `c` of eight words to word `c`.
-static TOGETHER: [u8; 64] = table(true, false);
+const TOGETHER: [u8; 64] = table(true, false);
 
 /// Byte `8 i + j` from byte `8 i + j`, or from `8 j + i` if `turned`, or from `8 (7 - j) + i` if `upside_down` too.
 const fn table(turned: bool, upside_down: bool) -> [u8; 64] {
@@ -68,12 +63,6 @@ impl Avx512Bits {
     fn store(self, to: &mut [u64; 8], v: __m512i) {
         // SAFETY: 64 bytes, any alignment; the token proves the instruction.
         unsafe { _mm512_storeu_si512(to.as_mut_ptr().cast(), v) }
-    }
-
-    #[inline(always)]
-    fn bytes(self, from: &[u8; 64]) -> __m512i {
-        // SAFETY: 64 bytes, any alignment; the token proves the instruction.
-        unsafe { _mm512_loadu_si512(from.as_ptr().cast()) }
     }
 
     /// Word `j` of vector `i` becomes word `i` of vector `j`.
@@ -117,7 +106,7 @@ impl Bits for Avx512Bits {
     #[inline(always)]
     fn transpose(self, words: &mut [u64; 64]) {
         let rows = words.as_chunks_mut::<8>().0;
-        let (apart, together) = (self.bytes(&APART), self.bytes(&TOGETHER));
+        let (apart, together) = (self.load(&cast(APART)), self.load(&cast(TOGETHER)));
         let diagonal = proven!(_mm512_set1_epi64(DIAGONAL));
         let mut bytes = [diagonal; 8];
         for (bytes, rows) in bytes.iter_mut().zip(&*rows) {
@@ -152,7 +141,7 @@ impl Bits for Avx512Bits {
     #[inline(always)]
     fn places(self, bits: u64, base: i16, out: &mut Places, at: usize) -> usize {
         let set = bits.count_ones() as usize;
-        let all = proven!(_mm512_maskz_compress_epi8(bits, self.bytes(&PLACE)));
+        let all = proven!(_mm512_maskz_compress_epi8(bits, self.load(&cast(PLACE))));
         let base = proven!(_mm256_set1_epi16(base));
         let from = at % ROOM;
         let quarters = out[from..from + 64].as_chunks_mut::<16>().0;

@@ -94,6 +94,11 @@ impl Block {
         &self.words[slot * self.frame_words..(slot + 1) * self.frame_words]
     }
 
+    /// The band's own rows of the newest readout.
+    pub(super) fn newest(&self) -> &[u64] {
+        &self.slot(self.len)[..self.band_words()]
+    }
+
     /// Adds a packed frame; there must be room.
     pub(super) fn append(&mut self, frame: &[u8]) {
         self.len += 1;
@@ -104,7 +109,7 @@ impl Block {
         if width.is_multiple_of(8) && width >= 64 {
             let bytes = width / 8;
             let frame = &frame[rows.start * bytes..rows.end * bytes];
-            copy_rows(frame, bytes, slot, self.stride);
+            frame.chunks_exact(bytes).zip(slot.chunks_exact_mut(self.stride)).for_each(copy_bytes);
             return;
         }
         for (row, out) in rows.zip(slot.chunks_exact_mut(self.stride)) {
@@ -126,51 +131,17 @@ impl Block {
     }
 }
 
-/// Copies rows of whole bytes, eight or more, to whole words each, zero-padded.
-fn copy_rows(frame: &[u8], bytes: usize, slot: &mut [u64], stride: usize) {
-    // A copy of a length that is known takes a third of the instructions of a call.
-    macro_rules! of_length {
-        ($($words:literal)*) => {
-            match stride - 1 {
-                $($words => rows::<$words>(frame, bytes, slot),)*
-                _ => frame.chunks_exact(bytes).zip(slot.chunks_exact_mut(stride)).for_each(copy_bytes),
-            }
-        };
-    }
-    of_length!(1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16);
-}
-
-/// Copies rows of `WORDS` whole words and what is left of less than a word.
-fn rows<const WORDS: usize>(frame: &[u8], bytes: usize, slot: &mut [u64]) {
-    for (row, out) in frame.chunks_exact(bytes).zip(slot.chunks_exact_mut(WORDS + 1)) {
-        let (eights, rest) = row.as_chunks::<8>();
-        let (Some(eights), Some((last, words))) = (eights.first_chunk::<WORDS>(), out.split_last_mut())
-        else {
-            return;
-        };
-        for (word, eight) in words.iter_mut().zip(eights) {
-            *word = u64::from_le_bytes(*eight);
-        }
-        *last = tail(row, rest.len());
-    }
-}
-
-/// The last `bytes` bytes of a row, fewer than eight, as a word.
-#[inline(always)]
-fn tail(row: &[u8], bytes: usize) -> u64 {
-    let end = row.last_chunk().map_or(0, |eight| u64::from_le_bytes(*eight));
-    if bytes == 0 { 0 } else { end >> (64 - 8 * bytes) }
-}
-
 /// Copies a row of eight bytes or more to whole words, zero-padded; the last word begins behind it or within its last eight bytes.
 #[inline(always)]
 fn copy_bytes((row, out): (&[u8], &mut [u64])) {
     let Some((last, words)) = out.split_last_mut() else { return };
+    // A loop over the few words of a row, which the compiler prepares for many, takes 27 instructions more.
     let bytes: &mut [u8] = bytemuck::cast_slice_mut(words);
     let (whole, rest) = row.split_at(bytes.len());
     bytes.copy_from_slice(whole);
     words.iter_mut().for_each(|word| *word = u64::from_le(*word));
-    *last = tail(row, rest.len());
+    let end = row.last_chunk().map_or(0, |eight| u64::from_le_bytes(*eight));
+    *last = if rest.is_empty() { 0 } else { end >> (64 - 8 * rest.len()) };
 }
 
 /// Copies `bits` bits from bit `start` of `bytes` to whole words, zero-padded.

@@ -95,8 +95,8 @@ impl State {
         }
     }
 
-    /// Takes the newest readout of the block, while it is in the cache.
-    pub(super) fn push(&mut self, block: &Block) {
+    /// Takes the newest readout of the block, while it is in the cache; it holds `total` spikes.
+    pub(super) fn push(&mut self, block: &Block, total: u32) {
         let slot = block.slot(block.len());
         let words = &slot[..block.band_words()];
         let result = &mut self.result;
@@ -106,7 +106,6 @@ impl State {
             let (top, bottom) = columns.add(slot);
             result.top_bottom.add(top, bottom);
         }
-        let total = newest::spikes(words);
         result.sums.add(total.into(), total.into());
         if result.totals.len() < self.kept {
             result.totals.push(total);

@@ -52,7 +52,7 @@ impl RowHalves {
 /// The set bits of a few words. Bytes of counts are added over up to 31 words
 /// before they are summed, which halves the work on a CPU without a
 /// population count.
-pub(super) fn ones(words: &[u64]) -> u64 {
+fn ones(words: &[u64]) -> u64 {
     const PAIRS: u64 = 0x5555_5555_5555_5555;
     const NIBBLES: u64 = 0x3333_3333_3333_3333;
     const BYTES: u64 = 0x0F0F_0F0F_0F0F_0F0F;

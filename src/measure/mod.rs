@@ -208,11 +208,13 @@ impl Accumulator {
         }
         for frame in frames.frames() {
             self.block.append(frame);
+            let wanted = self.frames.is_some() || self.intervals.is_some();
+            let spikes = if wanted { newest::spikes(self.block.newest()) } else { 0 };
             if let Some(state) = &mut self.frames {
-                state.push(&self.block);
+                state.push(&self.block, spikes);
             }
             if let Some(state) = &mut self.intervals {
-                state.push(&self.block);
+                state.push(self.block.len() - 1, spikes);
             }
             let next = self.start + self.block.len() as u32;
             if self.block.len() == self.block.capacity() || self.split == Some(next) {

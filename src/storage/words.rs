@@ -10,7 +10,7 @@ const LARGE: usize = 8 << 20;
 /// Words that are zero at first, on large pages where the system has them and there are many.
 ///
 /// A readout of a large sensor fills pages of its own. Who visits one word of each of many readouts misses the table of pages
-/// each time, which costs a fifth of the time of interval statistics on a virtual machine.
+/// each time, which cost an eighth of the time of interval statistics on a virtual machine.
 #[derive(Debug)]
 pub(crate) struct Words(Kept);
 

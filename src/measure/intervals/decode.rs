@@ -13,9 +13,16 @@ pub(super) const HISTORY_WORDS: usize = CAPACITY.div_ceil(64);
 
 const _: () = assert!(LONGEST_LAG as usize + CAPACITY + SLACK <= ROOM && SHORTS <= SLACK);
 
-/// Words that are turned together, for 64 readouts. The words behind them keep those of a pixel apart in the cache, which would all
-/// fall into one of its sets.
-type Chunk = [u64; 64 * WORDS + 8];
+/// A pixel's spikes in one block.
+pub(super) type History = [u64; HISTORY_WORDS];
+
+/// 64 readouts of the words that are gathered together.
+#[derive(Clone, Copy)]
+struct Chunk {
+    squares: [[u64; 64]; WORDS],
+    /// A cache line that keeps the words of a pixel apart in the cache: they would all fall into one of its sets.
+    _apart: [u64; 8],
+}
 
 /// The readouts of a block for eight times 64 neighbouring pixels: bit `t % 64` of word
 /// `t / 64` of a pixel is its spike at readout `t` of the block.
@@ -25,7 +32,7 @@ pub(super) struct Histories {
 
 impl Histories {
     pub(super) fn new() -> Self {
-        Self { chunks: Box::new([[0; _]; _]) }
+        Self { chunks: Box::new([Chunk { squares: [[0; 64]; WORDS], _apart: [0; 8] }; _]) }
     }
 
     /// Gathers the words from `at` on of all readouts of the block. A readout has as much slack behind its last word.
@@ -36,26 +43,23 @@ impl Histories {
             let from = (chunk * 64).min(block.len());
             let n = (block.len() - from).min(64);
             let rows = &block.words()[(from + 1) * step + at..];
-            if let Ok(squares) = (&mut to.as_chunks_mut::<64>().0[..WORDS]).try_into() {
-                b.turn(rows, step, n, squares);
-            }
+            b.turn(rows, step, n, &mut to.squares);
         }
     }
 
     /// The history of one of the 64 pixels of a gathered word.
     #[inline(always)]
-    pub(super) fn pixel(&self, word: usize, pixel: usize) -> [u64; HISTORY_WORDS] {
-        let at = word % WORDS * 64 + pixel;
+    pub(super) fn pixel(&self, word: usize, pixel: usize) -> History {
         let mut history = [0; HISTORY_WORDS];
         for (history, chunk) in history.iter_mut().zip(&*self.chunks) {
-            *history = chunk[at];
+            *history = chunk.squares[word % WORDS][pixel];
         }
         history
     }
 }
 
 /// Takes the first words with `spikes` spikes or more out of `words`.
-pub(super) fn split(words: &mut [u64; HISTORY_WORDS], spikes: usize) -> [u64; HISTORY_WORDS] {
+pub(super) fn split(words: &mut History, spikes: usize) -> History {
     let mut early = [0; HISTORY_WORDS];
     let mut seen = 0;
     for (early, late) in early.iter_mut().zip(words) {
@@ -71,7 +75,7 @@ pub(super) fn split(words: &mut [u64; HISTORY_WORDS], spikes: usize) -> [u64; HI
 /// Writes the times of a pixel's spikes, counted from the start of the block, from `times[at]` on and
 /// returns where they end. Up to [`SLACK`] entries behind the end are clobbered.
 #[inline(always)]
-pub(super) fn times<B: Bits>(b: B, words: &[u64; HISTORY_WORDS], times: &mut Places, mut at: usize) -> usize {
+pub(super) fn times<B: Bits>(b: B, words: &History, times: &mut Places, mut at: usize) -> usize {
     let mut base = 0;
     for bits in words {
         at = b.places(*bits, base, times, at);

@@ -17,7 +17,7 @@ use super::block::{Block, CAPACITY};
 use super::counts::NEVER;
 use crate::kernels::{Bits, Places, SLACK, Shorts, WORDS, Work, counting_with};
 use crate::spikes::Geometry;
-use decode::Histories;
+use decode::{Histories, History};
 use lengths::Tally;
 use pixel::{Pixel, REFERENCE};
 pub(super) use readouts::DeviationSum;
@@ -116,11 +116,9 @@ impl State {
         }
     }
 
-    /// Takes the newest readout of a block.
-    pub(super) fn push(&mut self, block: &Block) {
-        if self.result.deviations.len() + block.len() <= self.series {
-            self.scratch.readouts.count(block);
-        }
+    /// Takes the number of spikes of readout `i` of the next block, before that is processed.
+    pub(super) fn push(&mut self, i: usize, spikes: u32) {
+        self.scratch.readouts.spikes[i] = spikes;
     }
 
     /// Takes a block that starts at readout `start`.
@@ -133,7 +131,7 @@ impl State {
         let room = (self.series - self.result.deviations.len()).min(block.len());
         let mut histories = Histories::new();
         self.scratch.readouts.begin(start);
-        let (mut group, mut unsummed) = (0, 0);
+        let mut group = 0;
         for at in 0..block.band_words() {
             let (row, column) = (at / block.stride(), at % block.stride() * 64);
             let next = Lengths::group(self.result.rows.start + row, self.result.geometry);
@@ -144,11 +142,9 @@ impl State {
             if at % WORDS == 0 {
                 histories.gather(b, block, at);
             }
-            if unsummed + 64 > readouts::MOST {
+            if at % (readouts::MOST / 64) == 0 {
                 self.scratch.readouts.sum();
-                unsummed = 0;
             }
-            unsummed += 64;
             let pixels = 64.min(block.width() - column);
             for i in 0..pixels {
                 let words = histories.pixel(at, i);
@@ -165,14 +161,7 @@ impl State {
 
     /// Adds the spikes of a pixel in this block; there is at least one.
     #[inline(always)]
-    fn add_pixel<S: Shorts, B: Bits>(
-        &mut self,
-        s: S,
-        b: B,
-        p: usize,
-        words: &[u64; decode::HISTORY_WORDS],
-        start: u32,
-    ) {
+    fn add_pixel<S: Shorts, B: Bits>(&mut self, s: S, b: B, p: usize, words: &History, start: u32) {
         let known = self.result.pixels[p].spikes as usize;
         if known > self.depth {
             self.add_late(s, b, p, words, start);
@@ -189,14 +178,7 @@ impl State {
 
     /// Adds the spikes of a pixel whose history is full; there is at least one.
     #[inline(always)]
-    fn add_late<S: Shorts, B: Bits>(
-        &mut self,
-        s: S,
-        b: B,
-        p: usize,
-        words: &[u64; decode::HISTORY_WORDS],
-        start: u32,
-    ) {
+    fn add_late<S: Shorts, B: Bits>(&mut self, s: S, b: B, p: usize, words: &History, start: u32) {
         // From the oldest time of the history to the start of the block.
         let before = start.wrapping_sub(self.history[p * self.depth]);
         // A history that ends within the block begins after its start, and the difference is small and negative.
@@ -209,14 +191,7 @@ impl State {
     }
 
     #[inline(always)]
-    fn add_fast<S: Shorts, B: Bits>(
-        &mut self,
-        s: S,
-        b: B,
-        p: usize,
-        words: &[u64; decode::HISTORY_WORDS],
-        start: u32,
-    ) {
+    fn add_fast<S: Shorts, B: Bits>(&mut self, s: S, b: B, p: usize, words: &History, start: u32) {
         let depth = self.depth;
         let Scratch { times, intervals, readouts, .. } = &mut self.scratch;
         let history = &mut self.history[p * depth..(p + 1) * depth];
@@ -247,7 +222,7 @@ impl State {
     }
 
     #[inline(never)]
-    fn add_exact(&mut self, p: usize, words: &[u64; decode::HISTORY_WORDS], start: u32) {
+    fn add_exact(&mut self, p: usize, words: &History, start: u32) {
         let pixel = &mut self.result.pixels[p];
         let history = &mut self.history[p * self.depth..(p + 1) * self.depth];
         let known = (pixel.spikes as usize).min(self.depth);

@@ -1,7 +1,6 @@
 //! The readouts of a block as the pixels' intervals see them.
 
-use super::super::block::{Block, CAPACITY};
-use super::super::newest;
+use super::super::block::CAPACITY;
 use super::fast;
 use super::pixel::REFERENCE;
 
@@ -19,13 +18,16 @@ pub(super) const MOST: usize = 2048;
 /// Sixteen of the longest intervals of 15 bits.
 pub(super) const LARGEST_REFERENCE: u32 = REFERENCE as u32 * i16::MAX as u32;
 
+// A deviation is the difference of two numbers up to that.
+const _: () = assert!(MOST as u64 * LARGEST_REFERENCE as u64 <= i32::MAX as u64);
+
 /// Sums over the pixels that fire at each readout.
 pub(super) struct Readouts {
     start: u32,
     /// Deviations of [`MOST`] pixels at most.
     pub(super) table: Box<fast::Table>,
     deviation: [i64; CAPACITY],
-    spikes: [u32; CAPACITY],
+    pub(super) spikes: [u32; CAPACITY],
     /// Spikes without a reference to deviate from.
     skipped: [u32; CAPACITY],
 }
@@ -34,12 +36,6 @@ impl Readouts {
     pub(super) fn new() -> Self {
         let table = vec![0; 1 << 16].into_boxed_slice().try_into().expect("as many");
         Self { start: 0, table, deviation: [0; CAPACITY], spikes: [0; CAPACITY], skipped: [0; CAPACITY] }
-    }
-
-    /// Counts the spikes of the newest readout of a block, while it is in the cache.
-    pub(super) fn count(&mut self, block: &Block) {
-        let words = &block.slot(block.len())[..block.band_words()];
-        self.spikes[block.len() - 1] = newest::spikes(words);
     }
 
     /// Begins a block at readout `start`.

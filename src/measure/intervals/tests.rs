@@ -4,6 +4,7 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 
 use super::super::block::{Block, CAPACITY};
+use super::super::newest;
 use super::{Intervals, State};
 use crate::kernels::AnyCpu;
 use crate::spikes::{Geometry, set_bit};
@@ -31,7 +32,7 @@ fn measure(width: u32, jitter: f64, seed: u64, portable: bool) -> Intervals {
                 }
             }
             block.append(&frame);
-            state.push(&block);
+            state.push(block.len() - 1, newest::spikes(block.newest()));
         }
         block.silence_rest();
         match portable {

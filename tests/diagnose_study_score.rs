@@ -1,0 +1,52 @@
+//! How the blind study counts what was found.
+
+#[path = "../benches/diagnose/score.rs"]
+mod score;
+
+use serde_json::{Value, json};
+
+fn scored(hidden: &[&str], said: &[(&str, &[&str])]) -> Value {
+    let hidden: Vec<Value> = hidden.iter().map(|name| json!({ "name": name })).collect();
+    let effects: Vec<Value> = said
+        .iter()
+        .map(|(name, ties)| json!({ "name": name, "tied_with": ties, "resembles": false }))
+        .collect();
+    let said = json!({ "verdict": "explained", "effects": effects, "misfits": [] });
+    score::of(&Value::from(hidden), &said)
+}
+
+#[test]
+fn a_name_with_its_ties_stands_for_one_effect() {
+    let score = scored(&["crosstalk", "spike_coupling"], &[("spike_coupling", &["crosstalk"])]);
+    assert_eq!(score["found"], json!(["spike_coupling"]));
+    let score = scored(&["leak", "adaptation"], &[("dead_time", &["adaptation", "leak"])]);
+    assert_eq!(score["tied"], 1);
+}
+
+#[test]
+fn a_name_that_stands_for_nothing_is_wrong() {
+    let score = scored(&["leak"], &[("leak", &[]), ("dead_time", &["leak"]), ("flicker", &[])]);
+    assert_eq!(score["exact"], 1);
+    assert_eq!(score["found"], json!(["leak"]));
+    assert_eq!(score["wrong"], json!(["dead_time", "flicker"]));
+}
+
+#[test]
+fn the_name_with_fewer_ties_takes_its_effect_first() {
+    let score = scored(&["leak", "flicker"], &[("a", &["leak", "flicker"]), ("b", &["leak"])]);
+    assert_eq!(score["tied"], 2);
+    assert_eq!(score["wrong"], json!([]));
+}
+
+#[test]
+fn a_likeness_is_no_name_and_a_wrong_number_is_one() {
+    let said = json!({
+        "verdict": "partly-explained",
+        "effects": [{ "name": "leak", "tied_with": [], "resembles": true }],
+        "misfits": [{ "parameter": "thermal_noise.sigma", "tied_with": [] }],
+    });
+    let score = score::of(&json!([{ "name": "leak" }]), &said);
+    assert_eq!(score["names"], json!(["thermal_noise"]));
+    assert_eq!(score["found"], json!([]));
+    assert_eq!(score::of(&json!([]), &json!({ "error": "no" })), json!({ "error": true }));
+}
