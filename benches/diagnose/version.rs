@@ -47,10 +47,11 @@ const SOURCES: [&str; 34] = [
 ];
 
 /// What chooses a name, once something is wrong, and tells how strong it is.
-const NAMING: [&str; 6] = [
+const NAMING: [&str; 7] = [
     include_str!("../../src/diagnose/drawn.rs"),
     include_str!("../../src/diagnose/interval.rs"),
     include_str!("../../src/diagnose/likelihood.rs"),
+    include_str!("../../src/diagnose/round.rs"),
     include_str!("../../src/diagnose/search.rs"),
     include_str!("../../src/diagnose/slope.rs"),
     include_str!("../../src/diagnose/tournament.rs"),

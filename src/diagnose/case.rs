@@ -76,6 +76,19 @@ impl Case<'_> {
         Ok(fit.deviance_of(&self.judge.off(self.reference, fit)?))
     }
 
+    /// Squared distance of the fitted and of the held-out set, with what calibration fits taken out.
+    pub fn gaps(&self, at: &Judged) -> [f64; 2] {
+        [at.fit.misfit, self.reference.metric.square(&at.off)]
+    }
+
+    /// What a step from one model to another did to them, in words.
+    pub fn evidence(&self, before: &Judged, after: &Judged) -> String {
+        let [[train, heldout], [train_after, heldout_after]] = [before, after].map(|at| self.gaps(at));
+        format!(
+            "the misfit goes from {train:.0} to {train_after:.0} ({heldout:.0} held out: {heldout_after:.0})"
+        )
+    }
+
     fn alarm(&self, fit: &Fit, own: &Own, off: &DVector<f64>) -> bool {
         self.reference.alarm(fit, own, off, self.signatures)
     }

@@ -115,6 +115,18 @@ pub struct Diagnosis {
     pub traces: Traces,
 }
 
+/// What became of a name that won a round.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Fate {
+    /// It is part of the model.
+    Kept,
+    /// Recordings that were not fitted did not come nearer.
+    TurnedDown,
+    /// Once later names were known, the data did without it.
+    Dropped,
+}
+
 /// What the report shows.
 #[derive(Clone, Debug)]
 pub struct Traces {
@@ -122,8 +134,10 @@ pub struct Traces {
     pub deviations: Vec<(String, String, f64, f64)>,
     /// Names with their misfit and whether they tied, by round.
     pub tournament: Vec<Vec<(&'static str, f64, bool)>>,
-    /// What was added in each step of the gap, and whether it was kept.
-    pub steps: Vec<(&'static str, bool)>,
+    /// The winner of each round, and what became of it.
+    pub steps: Vec<(&'static str, Fate)>,
+    /// What was done before each number of the gap.
+    pub gaps: Vec<String>,
     /// The recordings, the model before and the model after.
     pub pictures: Vec<(&'static str, Picture)>,
 }

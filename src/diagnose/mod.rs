@@ -36,6 +36,7 @@ mod rebase;
 mod recorded;
 mod redraw;
 mod reference;
+mod round;
 mod run;
 mod scan;
 mod search;
@@ -51,7 +52,7 @@ mod vector;
 mod wave;
 mod weed;
 
-pub use diagnosis::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
+pub use diagnosis::{Diagnosis, Fate, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
 pub use extent::{Extent, Part};
 pub use limits::Limits;
 pub use nameable::{Nameable, SCORE};

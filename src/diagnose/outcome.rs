@@ -5,9 +5,9 @@ use super::diagnosis::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, U
 use super::interval::{interval, of_data};
 use super::own::MEAN;
 use super::reference::Reference;
+use super::round::{Round, kept};
 use super::search::Found;
 use super::settle::{settle, tied};
-use super::tournament::Round;
 use crate::effects::Camera;
 use crate::error::Result;
 
@@ -51,7 +51,7 @@ pub(super) fn outcome(
     let strange = strange(&found.train, found.own.floor);
     let (mut effects, mut misfits) = (Vec::new(), Vec::new());
     for (i, (name, _)) in found.fit.effects.iter().enumerate() {
-        let round = found.rounds.iter().find(|r| r.accepted && r.winner == *name);
+        let round = kept(&found.rounds, name);
         let parameters: Vec<Parameter> = found.fit.knobs_of(i).map(interval).collect();
         let tied_with = ties(round);
         let share = round.map_or(0.0, |r| r.share);
@@ -72,13 +72,7 @@ pub(super) fn outcome(
             });
             continue;
         }
-        let after = found.train.get(i + 1).copied().unwrap_or(0.0);
-        let evidence = format!(
-            "the misfit goes from {:.0} to {after:.0} ({:.0} held out: {:.0})",
-            found.train.get(i).copied().unwrap_or(0.0),
-            found.heldout.get(i).copied().unwrap_or(0.0),
-            found.heldout.get(i + 1).copied().unwrap_or(0.0),
-        );
+        let evidence = round.map_or_else(String::new, |r| r.evidence.clone());
         effects.push(FoundEffect { name, parameters, tied_with, resembles, evidence });
     }
     if let Some(given) = given {
@@ -200,7 +194,8 @@ fn traces(reference: &Reference, found: &Found, data: &nalgebra::DVector<f64>) -
     Traces {
         deviations: (0..before.len()).map(row).collect(),
         tournament: found.rounds.iter().map(entrants).collect(),
-        steps: found.rounds.iter().map(|r| (r.winner, r.accepted)).collect(),
+        steps: found.rounds.iter().map(|r| (r.winner, r.fate)).collect(),
+        gaps: found.steps.clone(),
         pictures: Vec::new(),
     }
 }

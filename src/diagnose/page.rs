@@ -1,6 +1,6 @@
 //! The report: one page.
 
-use super::diagnosis::{Diagnosis, Verdict};
+use super::diagnosis::{Diagnosis, Fate, Verdict};
 use super::picture::{Picture, Trace};
 use crate::error::Result;
 use crate::report::{Curve, Part, Row, Table, bars, curves, heat_map, page as render, ranked};
@@ -114,13 +114,9 @@ fn named(d: &Diagnosis) -> Vec<Part> {
 }
 
 fn gap(d: &Diagnosis) -> Result<Vec<Part>> {
-    let kept = d.traces.steps.iter().filter(|s| s.1).map(|s| s.0);
-    let mut names: Vec<String> =
-        std::iter::once("nothing added".to_owned()).chain(kept.map(|n| format!("with {n}"))).collect();
-    names.resize(d.gap.train.len(), "after removal and swaps".to_owned());
     let values = d.gap.train.iter().zip(&d.gap.heldout);
-    let rows: Vec<Row> =
-        names.into_iter().zip(values).map(|(name, (a, b))| Row { name, values: vec![*a, *b] }).collect();
+    let row = |(name, (a, b)): (&String, (&f64, &f64))| Row { name: name.clone(), values: vec![*a, *b] };
+    let rows: Vec<Row> = d.traces.gaps.iter().zip(values).map(row).collect();
     Ok(vec![Part::figure(
         ranked(
             "squared distance, in standard deviations squared",
@@ -168,18 +164,27 @@ fn disagreements(d: &Diagnosis) -> Result<Vec<Part>> {
 
 fn tournament(d: &Diagnosis) -> Result<Vec<Part>> {
     let mut parts = Vec::new();
-    for (round, (winner, kept)) in d.traces.tournament.iter().zip(&d.traces.steps) {
-        parts.push(Part::heading(&format!("Tournament: {winner}{}", if *kept { "" } else { ", not kept" })));
+    for (round, (winner, fate)) in d.traces.tournament.iter().zip(&d.traces.steps) {
+        let (what, caption) = match fate {
+            Fate::Kept => (
+                "",
+                "What each candidate leaves of the gap when it is fitted; within noise the names are tied.",
+            ),
+            Fate::TurnedDown => (
+                ", not kept",
+                "The held-out recordings did not come nearer with the winner, so it was not kept.",
+            ),
+            Fate::Dropped => (
+                ", dropped later",
+                "The winner was kept at first. Once the other names were known, the recordings were as likely without it.",
+            ),
+        };
+        parts.push(Part::heading(&format!("Tournament: {winner}{what}")));
         let row = |(name, misfit, tied): &(&str, f64, bool)| Row {
             name: format!("{name}{}", if *tied && name != winner { " (tied)" } else { "" }),
             values: vec![*misfit],
         };
         let rows: Vec<Row> = round.iter().map(row).collect();
-        let caption = if *kept {
-            "What each candidate leaves of the gap when it is fitted; within noise the names are tied."
-        } else {
-            "The held-out recordings did not come nearer with the winner, so it was not kept."
-        };
         parts.push(Part::figure(ranked("gap that is left", &["fitted"], &rows, None)?, caption));
     }
     Ok(parts)

@@ -3,10 +3,12 @@
 use nalgebra::DVector;
 
 use super::case::{Case, Judged};
+use super::diagnosis::Fate;
 use super::fit::Fit;
 use super::own::Own;
 use super::reference::{Progress, Reference, Signature};
-use super::tournament::{Round, SOME};
+use super::round::Round;
+use super::tournament::SOME;
 use crate::error::Result;
 
 /// Most effects that are added.
@@ -38,9 +40,10 @@ const SWEEPING: f64 = 0.1;
 pub(super) struct Found {
     pub fit: Fit,
     pub rounds: Vec<Round>,
-    /// Gap on both sets after each accepted effect, the first without any.
+    /// Gap on both sets after each accepted effect, the first without any, and what was done before.
     pub train: Vec<f64>,
     pub heldout: Vec<f64>,
+    pub steps: Vec<String>,
     pub own: Own,
     /// Whether anything is left above its limit.
     pub left: bool,
@@ -92,12 +95,14 @@ impl Evidence {
 pub(super) fn search(case: &Case<'_>, progress: Progress<'_>) -> Result<Found> {
     let reference = case.reference;
     let mut at = case.base()?;
-    let (mut train, mut heldout) = (Vec::new(), Vec::new());
-    let mut gap = |at: &Judged| {
-        train.push(at.fit.misfit);
-        heldout.push(reference.metric.square(&at.off));
+    let (mut train, mut heldout, mut steps) = (Vec::new(), Vec::new(), Vec::new());
+    let mut gap = |step: String, at: &Judged| {
+        let [fitted, held_out] = case.gaps(at);
+        train.push(fitted);
+        heldout.push(held_out);
+        steps.push(step);
     };
-    gap(&at);
+    gap("nothing added".to_owned(), &at);
     let mut rounds: Vec<Round> = Vec::new();
     let mut turned_down: Vec<&'static str> = Vec::new();
     while at.left && at.fit.effects.len() < ROUNDS && turned_down.len() < VETOES {
@@ -108,15 +113,16 @@ pub(super) fn search(case: &Case<'_>, progress: Progress<'_>) -> Result<Found> {
         let Some((next, round)) = reference.tournament(&at.fit, &at.own, &open, case.data)? else { break };
         progress(round.winner, tried);
         let next = case.accepted(&at, next)?;
-        rounds.push(Round { accepted: next.is_some(), ..round });
-        let round = &rounds[rounds.len() - 1];
         let Some(next) = next else {
             turned_down.push(round.winner);
+            rounds.push(round);
             continue;
         };
+        gap(format!("with {}", round.winner), &next);
+        let share = round.share;
+        rounds.push(Round { fate: Fate::Kept, evidence: case.evidence(&at, &next), ..round });
         at = next;
-        gap(&at);
-        if round.share < LIKENESS {
+        if share < LIKENESS {
             // What is there is something else; more names would be more likenesses.
             break;
         }
@@ -126,11 +132,11 @@ pub(super) fn search(case: &Case<'_>, progress: Progress<'_>) -> Result<Found> {
         progress("looking again", 0.9);
         case.weed(&mut at, &mut rounds)?;
         if at.fit.effects != kept {
-            gap(&at);
+            gap("after removal and swaps".to_owned(), &at);
         }
     }
     let Judged { fit, own, left, .. } = at;
-    Ok(Found { fit, rounds, train, heldout, own, left })
+    Ok(Found { fit, rounds, train, heldout, steps, own, left })
 }
 
 impl Reference {

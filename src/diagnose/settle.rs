@@ -1,7 +1,7 @@
 //! What to record next, where two names explain a set as well as each other.
 
 use super::reference::Reference;
-use super::tournament::{Entrant, Round};
+use super::round::{Entrant, Round};
 
 /// Deviations at which two fitted models count as told apart.
 const APART: f64 = 5.0;
@@ -49,10 +49,10 @@ const FAMILIES: [(&[&str], &str); 8] = [
     ),
 ];
 
-/// A sentence for each tie of an accepted round.
+/// A sentence for each tie of a name that was kept.
 pub(super) fn settle(reference: &Reference, rounds: &[Round]) -> Vec<String> {
-    let accepted = rounds.iter().filter(|r| r.accepted);
-    accepted.flat_map(|r| tied(r).into_iter().map(|e| sentence(reference, r, e))).collect()
+    let kept = rounds.iter().filter(|r| r.is_kept());
+    kept.flat_map(|r| tied(r).into_iter().map(|e| sentence(reference, r, e))).collect()
 }
 
 /// The names beside the winner that are as likely, two at most.

@@ -3,12 +3,14 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
+use super::diagnosis::Fate;
 use super::drawn::Priced;
 use super::fit::Fit;
 use super::metric::Metric;
 use super::nameable::reach;
 use super::own::Own;
 use super::reference::{Reference, Signature};
+use super::round::{Entrant, Round};
 use crate::error::Result;
 
 /// Furthest that a signature is stretched: beyond, another one of the same effect is nearer.
@@ -46,31 +48,6 @@ const UNSURE: f64 = 2.0;
 
 /// Logarithm of a noise's determinant over the null's from which on two simulations say little: as of ten statistics with twice the deviation.
 const NOISY: f64 = 14.0;
-
-/// A candidate that was fitted beside the winner.
-#[derive(Clone, Debug)]
-pub(super) struct Entrant {
-    pub name: &'static str,
-    pub misfit: f64,
-    /// Whether its lead or lag is within noise.
-    pub tied: bool,
-    /// Deviations by which a set tells its fitted model from the winner's.
-    pub apart: f64,
-    /// Its fitted mean.
-    pub mean: DVector<f64>,
-}
-
-/// One round of the loop.
-#[derive(Clone, Debug)]
-pub(super) struct Round {
-    pub winner: &'static str,
-    pub entrants: Vec<Entrant>,
-    pub accepted: bool,
-    /// Share of the excess that the winner's signature explains.
-    pub share: f64,
-    /// The winner's fitted mean.
-    pub mean: DVector<f64>,
-}
 
 impl Fit {
     /// Simulations of a mean in a tournament, and in its second leg. Beside lost readouts two of them raised a cost of 1,000 to 2,500, and
@@ -119,7 +96,14 @@ impl Reference {
         let before = self.allowing(&fit.events)?.square(&(data - &fit.mean));
         let after = self.allowing(&best.events)?.square(&(data - &best.mean));
         let share = ((before - after) / (before - own.allowed_floor).max(1.0)).clamp(0.0, 1.0);
-        let round = Round { winner: last(&best), entrants, accepted: false, share, mean: best.mean.clone() };
+        let round = Round {
+            winner: last(&best),
+            entrants,
+            fate: Fate::TurnedDown,
+            share,
+            mean: best.mean.clone(),
+            evidence: String::new(),
+        };
         Ok(Some((best, round)))
     }
 
@@ -216,7 +200,7 @@ impl Reference {
     }
 }
 
-fn cheaper(a: &Priced, b: &Priced) -> std::cmp::Ordering {
+pub(super) fn cheaper(a: &Priced, b: &Priced) -> std::cmp::Ordering {
     a.price.total_cmp(&b.price)
 }
 
@@ -226,7 +210,7 @@ fn drawn(a: &Priced, b: &Priced) -> f64 {
 }
 
 /// The effect that was added last.
-fn last(fit: &Fit) -> &'static str {
+pub(super) fn last(fit: &Fit) -> &'static str {
     fit.effects.last().map_or("", |e| e.0)
 }
 

@@ -5,13 +5,15 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::case::{Case, Judged};
+use super::diagnosis::Fate;
 use super::drawn::Priced;
 use super::fit::Fit;
 use super::metric::Metric;
 use super::own::MEAN;
 use super::reference::Signature;
+use super::round::{Entrant, Round, kept_mut};
 use super::search::REMAINDER;
-use super::tournament::{Entrant, FINISH, NEAR, ROUNDS_BESIDE, Round, SOME};
+use super::tournament::{FINISH, NEAR, ROUNDS_BESIDE, SOME, cheaper, last};
 use crate::error::Result;
 
 /// Variance of an amplitude over what it would be if all other numbers were known, from which on others may stand in for it: a cosine of 0.9.
@@ -38,19 +40,9 @@ const ROUNDS_TO_ENTER: usize = 2;
 /// Most names that are exchanged, one after the other.
 const SWAPS: usize = 4;
 
-impl Round {
-    /// Notes the names that are as likely, of `rivals` in the order of their prices.
-    fn ties_with(&mut self, rivals: Vec<Entrant>) {
-        for rival in rivals.into_iter().rev().filter(|r| r.tied) {
-            self.entrants.retain(|e| e.name != rival.name);
-            self.entrants.insert(0, rival);
-        }
-    }
-}
-
 impl Case<'_> {
     /// Looks at every name again until nothing moves: what came after a wrong name may be a likeness of what that one left.
-    pub(super) fn weed(&self, at: &mut Judged, rounds: &mut Vec<Round>) -> Result<()> {
+    pub(super) fn weed(&self, at: &mut Judged, rounds: &mut [Round]) -> Result<()> {
         self.eliminate(at, rounds)?;
         for _ in 0..SWAPS {
             if !self.swap(at, rounds)? {
@@ -63,12 +55,14 @@ impl Case<'_> {
 
     /// Drops effects that the data do without: those whose amplitude is within three deviations of none, and those that another one can
     /// stand in for. The likeness that came first may have left the right name a part only, and steps along their valley are short.
-    fn eliminate(&self, at: &mut Judged, rounds: &mut Vec<Round>) -> Result<()> {
+    fn eliminate(&self, at: &mut Judged, rounds: &mut [Round]) -> Result<()> {
         while at.fit.effects.len() > 1 {
             let Some((place, without)) = self.dispensable(at)? else { break };
             let name = at.fit.effects[place].0;
             *at = without;
-            rounds.retain(|r| r.winner != name);
+            if let Some(round) = kept_mut(rounds, name) {
+                round.fate = Fate::Dropped;
+            }
         }
         Ok(())
     }
@@ -126,51 +120,65 @@ impl Case<'_> {
     /// Tries other names in the place of each accepted one, now that the others are known, and takes the first that is better. Where
     /// none is, those that are as likely are ties. Whether a name was exchanged.
     fn swap(&self, at: &mut Judged, rounds: &mut [Round]) -> Result<bool> {
+        let (reference, data) = (self.reference, self.data);
+        let [_, some] = draws_of_weeding(&at.fit);
+        let mut with = at.fit.clone();
+        reference.evaluate(&mut with, data, some)?;
+        let with = reference.priced(with, data);
         let mut ties = Vec::new();
-        for place in 0..at.fit.effects.len() {
-            let name = at.fit.effects[place].0;
-            let (with, others) = self.other_names(at, place)?;
+        for (place, (name, _)) in at.fit.effects.iter().enumerate() {
+            let others = self.other_names(at, &with, place)?;
             let Some(best) = others.first() else { continue };
             let gained = with.price - best.price;
             if gained < 4.0 || at.deviance() - self.deviance(&best.fit)? < gained * HELD_OUT {
-                ties.push((name, others.iter().map(|o| self.reference.entrant(&with, o)).collect()));
+                ties.push((*name, others.iter().map(|o| reference.entrant(&with, o)).collect()));
                 continue;
             }
-            let before = Entrant { name, ..self.reference.entrant(best, &with) };
-            let others = others[1..].iter().map(|o| self.reference.entrant(best, o));
+            let before = Entrant { name, ..reference.entrant(best, &with) };
+            let others = others[1..].iter().map(|o| reference.entrant(best, o));
             let rivals = std::iter::once(before).chain(others).collect();
-            let mut best = best.fit.clone();
-            let own = self.reference.converged(&mut best, self.data)?;
-            if let Some(round) = accepted(rounds, name) {
-                round.winner = best.effects.last().map_or(name, |e| e.0);
-                round.mean = best.mean.clone();
-                round.entrants.clear();
-                round.ties_with(rivals);
-            }
-            *at = self.judged(best, own)?;
+            *at = self.exchanged(at, best.fit.clone(), kept_mut(rounds, name), rivals)?;
             return Ok(true);
         }
         for (name, rivals) in ties {
-            if let Some(round) = accepted(rounds, name) {
+            if let Some(round) = kept_mut(rounds, name) {
                 round.ties_with(rivals);
             }
         }
         Ok(false)
     }
 
-    /// The model with the name in `place`, and with other ones there that come near, in the order of their prices.
-    fn other_names(&self, at: &Judged, place: usize) -> Result<(Priced, Vec<Priced>)> {
+    /// The model with `best`, of which the last name came in the place of what was kept in `round`.
+    fn exchanged(
+        &self,
+        at: &Judged,
+        mut best: Fit,
+        round: Option<&mut Round>,
+        rivals: Vec<Entrant>,
+    ) -> Result<Judged> {
+        let own = self.reference.converged(&mut best, self.data)?;
+        let next = self.judged(best, own)?;
+        if let Some(round) = round {
+            round.evidence = format!("in the place of {} {}", round.winner, self.evidence(at, &next));
+            round.winner = last(&next.fit);
+            round.mean = next.fit.mean.clone();
+            round.entrants.clear();
+            round.ties_with(rivals);
+        }
+        Ok(next)
+    }
+
+    /// The model with other names in `place` that come near it with the one there, `with`, in the order of their prices.
+    fn other_names(&self, at: &Judged, with: &Priced, place: usize) -> Result<Vec<Priced>> {
         let (reference, data, fit) = (self.reference, self.data, &at.fit);
         let all: Vec<&Signature> = self.signatures.iter().collect();
         let name = fit.effects[place].0;
-        let [few, some] = if fit.is_noisy() { OF_NOISY } else { fit.draws() };
+        let [few, some] = draws_of_weeding(fit);
         let without = reference.refine(fit.without(place), data, 1, few)?;
         let metric = without_effect(&at.own.metric, fit, place);
         let others = reference.entrants(&without, &metric, &(data - &without.mean), &all);
         let others: Vec<_> = others.into_iter().filter(|e| e.1.candidate.name != name).take(OTHERS).collect();
-        let mut with = fit.clone();
-        reference.evaluate(&mut with, data, some)?;
-        let (with, without) = (reference.priced(with, data), reference.priced(without, data));
+        let without = reference.priced(without, data);
         let halfway = 0.5 * (without.price + with.price) + NEAR;
         let enter = |(scale, s): &(f64, &Signature)| {
             let start = without.fit.with(&s.candidate, *scale);
@@ -188,14 +196,14 @@ impl Case<'_> {
         let near: Vec<Fit> = fits.into_iter().filter(|f| f.price <= front).map(|f| f.fit).collect();
         let again = near.into_par_iter().map(|f| reference.refined(f, data, ROUNDS_BESIDE[1], some));
         let mut others = again.collect::<Result<Vec<_>>>()?;
-        others.sort_by(|a, b| a.price.total_cmp(&b.price));
-        Ok((with, others))
+        others.sort_by(cheaper);
+        Ok(others)
     }
 }
 
-/// The round in which `name` was accepted.
-fn accepted<'a>(rounds: &'a mut [Round], name: &str) -> Option<&'a mut Round> {
-    rounds.iter_mut().find(|r| r.accepted && r.winner == name)
+/// Simulations of a mean in both legs.
+fn draws_of_weeding(fit: &Fit) -> [usize; 2] {
+    if fit.is_noisy() { OF_NOISY } else { fit.draws() }
 }
 
 /// The metric of a fit without one of its effects. What that effect explains is free in the fit's own, so a name that could stand in

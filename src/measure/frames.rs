@@ -98,7 +98,7 @@ impl State {
     /// Takes the newest readout of the block, while it is in the cache; it holds `total` spikes.
     pub(super) fn push(&mut self, block: &Block, total: u32) {
         let slot = block.slot(block.len());
-        let words = &slot[..block.band_words()];
+        let words = block.newest();
         let result = &mut self.result;
         if let Some((rows, columns)) = &mut self.halves {
             let (left, right) = rows.add(words);
