@@ -8,12 +8,20 @@
 
 #[path = "../tests/hidden_sensor/mod.rs"]
 mod hidden_sensor;
+#[path = "diagnose/judged.rs"]
+mod judged;
 #[path = "diagnose/records.rs"]
 mod records;
 #[path = "diagnose/report.rs"]
 mod report;
 #[path = "diagnose/score.rs"]
 mod score;
+#[path = "diagnose/several.rs"]
+mod several;
+#[path = "diagnose/share.rs"]
+mod share;
+#[path = "diagnose/summary.rs"]
+mod summary;
 #[path = "diagnose/version.rs"]
 mod version;
 

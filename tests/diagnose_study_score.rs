@@ -2,8 +2,11 @@
 
 #[path = "../benches/diagnose/score.rs"]
 mod score;
+#[path = "../benches/diagnose/share.rs"]
+mod share;
 
 use serde_json::{Value, json};
+use share::Share;
 
 fn scored(hidden: &[&str], said: &[(&str, &[&str])]) -> Value {
     let hidden: Vec<Value> = hidden.iter().map(|name| json!({ "name": name })).collect();
@@ -49,4 +52,15 @@ fn a_likeness_is_no_name_and_a_wrong_number_is_one() {
     assert_eq!(score["names"], json!(["thermal_noise"]));
     assert_eq!(score["found"], json!([]));
     assert_eq!(score::of(&json!([]), &json!({ "error": "no" })), json!({ "error": true }));
+}
+
+#[test]
+fn an_interval_of_a_share_is_that_of_clopper_and_pearson() {
+    // Ends at which binomial sums in exact fractions give 2.5 %: 0 of 300 to 1.222 %, 79 of 84 from 86.65 to 98.04 %.
+    let none = Share { hits: 0, of: 300 };
+    assert!((none.upper() - 0.012_221).abs() < 1e-6, "{}", none.upper());
+    assert_eq!(none.to_string(), "0 of 300, 0 % (0 to 1)");
+    assert_eq!(Share { hits: 79, of: 84 }.to_string(), "79 of 84, 94 % (87 to 98)");
+    assert_eq!(Share { hits: 5, of: 5 }.to_string(), "5 of 5, 100 % (48 to 100)");
+    assert_eq!(Share { hits: 0, of: 0 }.to_string(), "none ran");
 }

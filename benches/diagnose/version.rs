@@ -9,11 +9,12 @@ use std::sync::LazyLock;
 use serde_json::Value;
 
 /// What decides on whether anything is wrong, how strong an effect can be named, and what makes the sensors.
-const SOURCES: [&str; 34] = [
+const SOURCES: [&str; 35] = [
     include_str!("../../src/diagnose/alarm.rs"),
     include_str!("../../src/diagnose/bits.rs"),
     include_str!("../../src/diagnose/candidates.rs"),
     include_str!("../../src/diagnose/case.rs"),
+    include_str!("../../src/diagnose/contradicted.rs"),
     include_str!("../../src/diagnose/derivatives.rs"),
     include_str!("../../src/diagnose/edges.rs"),
     include_str!("../../src/diagnose/events.rs"),
@@ -58,7 +59,8 @@ const NAMING: [&str; 7] = [
 ];
 
 /// What looks at several names again.
-const SEVERAL: [&str; 1] = [include_str!("../../src/diagnose/weed.rs")];
+const SEVERAL: [&str; 2] =
+    [include_str!("../../src/diagnose/faint.rs"), include_str!("../../src/diagnose/weed.rs")];
 
 /// What judged a sensor of which `said` was said.
 pub fn of(said: &Value) -> &'static str {

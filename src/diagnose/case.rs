@@ -47,8 +47,9 @@ pub(super) struct Judged {
     pub own: Own,
     /// What the held-out set is off.
     pub off: DVector<f64>,
-    /// Whether anything is above its limit.
+    /// Whether anything is above its limit in either set, and in the fitted one.
     pub left: bool,
+    pub left_fitted: bool,
 }
 
 impl Judged {
@@ -62,13 +63,14 @@ impl Case<'_> {
     pub fn base(&self) -> Result<Judged> {
         let (fit, own) = (Fit::base(self.reference, self.data), self.reference.own_of_base());
         let left = self.alarm(&fit, &own, &(self.data - &own.mean));
-        Ok(Judged { off: self.judge.off(self.reference, &fit)?, fit, own, left })
+        Ok(Judged { off: self.judge.off(self.reference, &fit)?, fit, own, left, left_fitted: left })
     }
 
     pub fn judged(&self, fit: Fit, own: Own) -> Result<Judged> {
         let off = self.judge.off(self.reference, &fit)?;
-        let left = self.alarm(&fit, &own, &(self.data - &own.mean)) || self.alarm(&fit, &own, &off);
-        Ok(Judged { fit, own, off, left })
+        let left_fitted = self.alarm(&fit, &own, &(self.data - &own.mean));
+        let left = left_fitted || self.alarm(&fit, &own, &off);
+        Ok(Judged { fit, own, off, left, left_fitted })
     }
 
     /// How unlikely the held-out set is under a fit that was not judged yet.

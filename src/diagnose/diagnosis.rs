@@ -41,7 +41,8 @@ pub struct FoundEffect {
     pub parameters: Vec<Parameter>,
     /// Names that fit as well within noise.
     pub tied_with: Vec<&'static str>,
-    /// Whether the name explains less than half of what is there, and so is a likeness only.
+    /// Whether the name is a likeness only: it explains less than half of what is there while something is left, or is
+    /// weaker beside others than what the set can name.
     pub resembles: bool,
     /// What speaks for it.
     pub evidence: String,

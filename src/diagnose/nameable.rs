@@ -57,7 +57,8 @@ impl Reference {
         names.into_iter().filter(strongest).chain(self.missing.iter().copied()).collect()
     }
 
-    fn nameable_one(&self, name: &'static str) -> Option<Nameable> {
+    /// The same of one name; nothing where its signature is lost in its own noise.
+    pub(super) fn nameable_one(&self, name: &'static str) -> Option<Nameable> {
         let mut found: Vec<Nameable> = Vec::new();
         for tried in self.signatures.iter().filter(|s| s.candidate.name == name) {
             let (nearest, alike) = self.nearest(tried);

@@ -55,7 +55,8 @@ pub(super) fn outcome(
         let parameters: Vec<Parameter> = found.fit.knobs_of(i).map(interval).collect();
         let tied_with = ties(round);
         let share = round.map_or(0.0, |r| r.share);
-        let resembles = found.left && (share < 0.5 || whole < WHOLE || strange);
+        let faint = round.is_some_and(|r| r.faint);
+        let resembles = faint || (found.left && (share < 0.5 || whole < WHOLE || strange));
         // A number of the base model that only resembles what is there is no wrong number.
         if MISFITS.contains(name)
             && !resembles
@@ -76,7 +77,7 @@ pub(super) fn outcome(
         effects.push(FoundEffect { name, parameters, tied_with, resembles, evidence });
     }
     if let Some(given) = given {
-        misfits.extend(base_misfits(reference, found, given));
+        misfits.extend(base_misfits(reference, found, data, given)?);
     }
     let named = !misfits.is_empty() || effects.iter().any(|e| !e.resembles);
     let verdict = match (found.left, named) {
@@ -136,24 +137,32 @@ fn ties(round: Option<&Round>) -> Vec<&'static str> {
     round.map_or_else(Vec::new, |r| tied(r).into_iter().map(|e| e.name).collect())
 }
 
-/// Numbers of the given camera that the fit moved.
-fn base_misfits(reference: &Reference, found: &Found, given: &Camera) -> Vec<Misfit> {
-    let of_knob = |j: usize| {
+/// Numbers of the given camera that the data contradict.
+fn base_misfits(
+    reference: &Reference,
+    found: &Found,
+    data: &nalgebra::DVector<f64>,
+    given: &Camera,
+) -> Result<Vec<Misfit>> {
+    let mut misfits = Vec::new();
+    for j in 0..reference.model.knobs.len() {
         let (knob, sd, p) = (found.fit.model.knobs[j], found.deviation(j), parameter(found, j));
         let model = given.effect(knob.effect).and_then(|e| e.get(knob.key).ok()).unwrap_or(knob.centre);
         let off = (p.value - model).abs();
         // A deviation that is as large as the number says nothing about it.
         let told = off > 3.5 * sd * knob.unit && sd * knob.unit < 0.3 * model.abs();
-        (told && off > WORTH * model.abs()).then(|| Misfit {
-            parameter: format!("{}.{}", knob.effect, knob.key),
-            model,
-            fitted: p.value,
-            low: p.low,
-            high: p.high,
-            tied_with: Vec::new(),
-        })
-    };
-    (0..reference.model.knobs.len()).filter_map(of_knob).collect()
+        if told && off > WORTH * model.abs() && reference.contradicts(found, data, j, knob.position(model))? {
+            misfits.push(Misfit {
+                parameter: format!("{}.{}", knob.effect, knob.key),
+                model,
+                fitted: p.value,
+                low: p.low,
+                high: p.high,
+                tied_with: Vec::new(),
+            });
+        }
+    }
+    Ok(misfits)
 }
 
 /// The last part of a recording's path.

@@ -27,6 +27,8 @@ pub(super) struct Round {
     pub share: f64,
     /// The winner's fitted mean.
     pub mean: DVector<f64>,
+    /// Whether the winner is weaker than what the set can name.
+    pub faint: bool,
     /// What speaks for the winner, in words; nothing where it was turned down.
     pub evidence: String,
 }

@@ -102,6 +102,7 @@ impl Reference {
             fate: Fate::TurnedDown,
             share,
             mean: best.mean.clone(),
+            faint: false,
             evidence: String::new(),
         };
         Ok(Some((best, round)))

@@ -50,6 +50,9 @@ impl Case<'_> {
             }
             self.eliminate(at, rounds)?;
         }
+        if at.fit.effects.len() > 1 {
+            self.mark_faint(at, rounds);
+        }
         Ok(())
     }
 
