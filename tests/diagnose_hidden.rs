@@ -67,6 +67,26 @@ fn a_hidden_effect_is_named_and_the_gap_shrinks() {
 }
 
 #[test]
+fn a_camera_file_with_twice_the_spread_of_gain_is_said_to_be_wrong() {
+    let (_folder, sets) = sets(None, 52);
+    let setup = Setup::of(&sets[0], Part::Whole, Extent::Everything).unwrap();
+    let camera = published(&setup).unwrap();
+    let (right, prnu) =
+        (camera.effect("prnu").unwrap().get("sigma").unwrap(), camera.effect("prnu").unwrap());
+    let wrong = camera.clone().with(prnu.clone().with("sigma", 2.0 * right).unwrap());
+    let options = Options { camera: Some(&wrong), reference: None, seed: 7, extent: Extent::Everything };
+    let found = diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {}).unwrap();
+    let said: Vec<&str> = found.misfits.iter().map(|m| m.parameter.as_str()).collect();
+    assert_eq!(
+        (found.verdict, said.as_slice()),
+        (Verdict::Explained, ["prnu.sigma"].as_slice()),
+        "{found:?}"
+    );
+    // 576 pixels tell it to some 8 %.
+    assert!((found.misfits[0].fitted / right - 1.0).abs() < 0.25, "{:?}", found.misfits);
+}
+
+#[test]
 fn threads_change_no_number() {
     let of_threads = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

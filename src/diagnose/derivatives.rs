@@ -3,23 +3,40 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::model::{LAMP, Model};
+use super::model::{Knob, LAMP, Model};
 use super::quiet::quiet;
 use super::reference::average;
 use super::setup::Setup;
 use super::vector::vector;
 use crate::error::Result;
 
-/// Simulations for a derivative, on a small sensor and on one of this many pixels, where each tells as much as several.
-const DERIVATIVE: [usize; 2] = [16, 8];
-const LARGE: usize = 20_000;
+/// Simulations for a derivative, on a sensor of so many pixels, where each tells as much as several, and on one of so many;
+/// on a smaller one as many more as it has fewer pixels, up to a limit.
+const MANY_PIXELS: (usize, usize) = (20_000, 8);
+const USUAL_PIXELS: (usize, usize) = (2304, 16);
+const MOST: usize = 64;
 
-fn pairs(setup: &Setup) -> usize {
-    DERIVATIVE[usize::from(setup.geometry.pixels() >= LARGE)]
+pub(super) fn pairs(setup: &Setup) -> usize {
+    let pixels = setup.geometry.pixels();
+    if pixels >= MANY_PIXELS.0 {
+        return MANY_PIXELS.1;
+    }
+    (USUAL_PIXELS.1 * USUAL_PIXELS.0 / pixels.max(1)).clamp(USUAL_PIXELS.1, MOST)
 }
 
-/// Steps for derivatives of base knobs, relative to their values.
-const STEP: f64 = 0.05;
+/// Step for the derivative by a base number, relative to its value: some five of the deviations to which 2,000 pixels tell it. What
+/// noise moves looks like information, and the less the larger the step is.
+fn step(knob: &Knob) -> f64 {
+    match (knob.effect, knob.key) {
+        // It moves every lattice of intervals; a small step keeps them in place.
+        ("prnu", "mean") => 0.01,
+        ("dark_current", "mean") => 0.05,
+        // Pixels that are nearly black, of which there are suddenly more, stray from their lines.
+        ("dark_current", _) => 0.08,
+        ("thermal_noise", _) => 0.1,
+        _ => 0.2,
+    }
+}
 
 pub(super) fn base_jacobian(
     setup: &Setup,
@@ -31,8 +48,7 @@ pub(super) fn base_jacobian(
     let n = model.knobs.len();
     let one = |j: usize| -> Result<DVector<f64>> {
         let mut u = vec![0.0; n];
-        // The mean gain moves every lattice of intervals; a small step keeps them in place.
-        u[j] = if model.knobs[j].key == "mean" { 0.2 * STEP } else { STEP };
+        u[j] = step(&model.knobs[j]);
         let sample = model.sample(&u, &[], setup.scenes.len())?;
         let change = |i: usize| -> Result<DVector<f64>> {
             Ok(DVector::from_vec(setup.values(&sample, seed + i as u64)?) - &baseline[i])

@@ -1,8 +1,10 @@
 //! From a search's end to what is said of it.
 
 use super::candidates::MISFITS;
+use super::contradicted::{Contradicted, contradicted};
 use super::diagnosis::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
 use super::interval::{interval, of_data};
+use super::model::Knob;
 use super::own::MEAN;
 use super::reference::Reference;
 use super::round::{Round, kept};
@@ -77,7 +79,7 @@ pub(super) fn outcome(
         effects.push(FoundEffect { name, parameters, tied_with, resembles, evidence });
     }
     if let Some(given) = given {
-        misfits.extend(base_misfits(reference, found, data, given)?);
+        misfits.extend(base_misfits(reference, found, data, given));
     }
     let named = !misfits.is_empty() || effects.iter().any(|e| !e.resembles);
     let verdict = match (found.left, named) {
@@ -127,8 +129,12 @@ impl Found {
 }
 
 fn parameter(found: &Found, j: usize) -> Parameter {
-    let (knob, u) = (found.fit.model.knobs[j], found.fit.u[j]);
-    let ends = interval(knob.scale, u, found.deviation(j), found.own.additive[j]);
+    parameter_at(found, j, found.fit.u[j], found.deviation(j))
+}
+
+fn parameter_at(found: &Found, j: usize, u: f64, deviation: f64) -> Parameter {
+    let knob = found.fit.model.knobs[j];
+    let ends = interval(knob.scale, u, deviation, found.own.additive[j]);
     let ends = ends.map(|u| knob.value(knob.clamped(u)));
     Parameter { name: knob.key, value: knob.value(u), low: ends[0].min(ends[1]), high: ends[0].max(ends[1]) }
 }
@@ -143,26 +149,26 @@ fn base_misfits(
     found: &Found,
     data: &nalgebra::DVector<f64>,
     given: &Camera,
-) -> Result<Vec<Misfit>> {
-    let mut misfits = Vec::new();
-    for j in 0..reference.model.knobs.len() {
-        let (knob, sd, p) = (found.fit.model.knobs[j], found.deviation(j), parameter(found, j));
-        let model = given.effect(knob.effect).and_then(|e| e.get(knob.key).ok()).unwrap_or(knob.centre);
-        let off = (p.value - model).abs();
-        // A deviation that is as large as the number says nothing about it.
-        let told = off > 3.5 * sd * knob.unit && sd * knob.unit < 0.3 * model.abs();
-        if told && off > WORTH * model.abs() && reference.contradicts(found, data, j, knob.position(model))? {
-            misfits.push(Misfit {
-                parameter: format!("{}.{}", knob.effect, knob.key),
-                model,
-                fitted: p.value,
-                low: p.low,
-                high: p.high,
-                tied_with: Vec::new(),
-            });
+) -> Vec<Misfit> {
+    let knobs = &reference.model.knobs;
+    let own =
+        |knob: &Knob| given.effect(knob.effect).and_then(|e| e.get(knob.key).ok()).unwrap_or(knob.centre);
+    let places: Vec<f64> = knobs.iter().map(|knob| knob.position(own(knob))).collect();
+    let misfit = |c: &Contradicted| {
+        let knob = knobs[c.number];
+        let p = parameter_at(found, c.number, c.position, c.deviation);
+        Misfit {
+            parameter: format!("{}.{}", knob.effect, knob.key),
+            model: own(&knob),
+            fitted: p.value,
+            low: p.low,
+            high: p.high,
+            tied_with: c.tied.iter().take(2).map(|j| knobs[*j].effect).collect(),
         }
-    }
-    Ok(misfits)
+    };
+    let worth = |m: &Misfit| (m.fitted - m.model).abs() > WORTH * m.model.abs();
+    let off = data - &found.fit.mean;
+    contradicted(found, &reference.missed, &off, &places).iter().map(misfit).filter(worth).collect()
 }
 
 /// The last part of a recording's path.

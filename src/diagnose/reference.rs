@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::candidates::{Candidate, OF_THE_SCENE, candidates};
 use super::derivatives::{base_jacobian, lamp_columns};
+use super::fit::LEANING;
 use super::limits::{Clean, Limits};
 use super::metric::{Metric, Noise, noise};
 use super::model::{LAMP, Model};
@@ -50,6 +51,8 @@ pub struct Reference {
     /// Noise, lamps included.
     pub(super) noise: Noise,
     pub(super) metric: Metric,
+    /// By how much the fit of a clean sensor misses each of the base model's numbers.
+    pub(super) missed: Vec<f64>,
     pub(super) signatures: Vec<Signature>,
     /// Names that cannot be simulated.
     pub(super) missing: Vec<&'static str>,
@@ -90,6 +93,7 @@ impl Reference {
         residuals.extend(first);
         let full = noise(&residuals, &floors)?.with_columns(&lamps)?;
         let metric = Metric::new(&full, jacobian.clone());
+        let missed = missed(&metric, &redrawn, &mean);
         let (mut all, mut missing) =
             candidates(&model.camera, setup.scenes.iter().map(|s| s.skip + s.readouts).max().unwrap_or(1));
         if setup.only_still() {
@@ -109,6 +113,7 @@ impl Reference {
             jacobian,
             noise: full,
             metric,
+            missed,
             signatures: Vec::new(),
             missing,
         };
@@ -177,6 +182,17 @@ impl Reference {
             if n < 2 || close { controlled[j] } else { plain[j] }
         })
     }
+}
+
+/// Statistics that tell one number follow its chance in one sensor together, the spread of 2,304 gains for one. Where the noise
+/// does not hold all of that, the linear deviations are too small.
+fn missed(metric: &Metric, redrawn: &[Redrawn], mean: &DVector<f64>) -> Vec<f64> {
+    let known = vec![LEANING; metric.directions.ncols()];
+    let fitter = metric.clone().knowing(&known);
+    let error = |d: &Redrawn| fitter.fit(&(&d.vector - mean)) - &d.base;
+    let errors: Vec<DVector<f64>> = redrawn.iter().map(error).collect();
+    let square = |j: usize| errors.iter().map(|e| e[j] * e[j]).sum::<f64>() / errors.len() as f64;
+    (0..known.len()).map(|j| square(j).sqrt()).collect()
 }
 
 /// Simulated vectors and their mean.
