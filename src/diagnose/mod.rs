@@ -42,6 +42,7 @@ mod round;
 mod run;
 mod scan;
 mod search;
+mod seen;
 mod settle;
 mod setup;
 mod slope;

@@ -1,9 +1,9 @@
 //! The report: one page.
 
 use super::diagnosis::{Diagnosis, Fate, Verdict};
-use super::picture::{Picture, Trace};
+use super::seen::seen;
 use crate::error::Result;
-use crate::report::{Curve, Part, Row, Table, bars, curves, heat_map, page as render, ranked};
+use crate::report::{Part, Row, Table, page as render, ranked};
 
 /// The page of a diagnosis.
 ///
@@ -46,11 +46,10 @@ fn sentence(d: &Diagnosis) -> String {
             };
             format!("{}{}{ties}", if e.resembles { "something like " } else { "" }, e.name)
         })
-        .chain(
-            d.misfits
-                .iter()
-                .map(|m| format!("another {} ({:.4} instead of {:.4})", m.parameter, m.fitted, m.model)),
-        )
+        .chain(d.misfits.iter().map(|m| {
+            let [fitted, model] = [m.fitted, m.model].map(|x| rounded(x, m.low, m.high));
+            format!("another {} ({fitted} instead of {model})", m.parameter)
+        }))
         .collect();
     let names = effects.join(", ");
     match d.verdict {
@@ -70,6 +69,17 @@ fn sentence(d: &Diagnosis) -> String {
     }
 }
 
+/// `value` to a tenth or less of how uncertain it is: two digits of half its interval.
+fn rounded(value: f64, low: f64, high: f64) -> String {
+    let half = (high - low) / 2.0;
+    let decimals = if half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 7.0) as usize } else { 5 };
+    format!("{value:.decimals$}")
+}
+
+fn interval(low: f64, high: f64) -> String {
+    format!("{} to {}", rounded(low, low, high), rounded(high, low, high))
+}
+
 fn named(d: &Diagnosis) -> Vec<Part> {
     let mut table = Table::new(&["effect", "parameter", "value", "95 % interval", "as likely", "evidence"]);
     for e in &d.effects {
@@ -82,21 +92,20 @@ fn named(d: &Diagnosis) -> Vec<Part> {
             table.row([
                 name,
                 p.name,
-                &format!("{:.5}", p.value),
-                &format!("{:.5} to {:.5}", p.low, p.high),
+                &rounded(p.value, p.low, p.high),
+                &interval(p.low, p.high),
                 &ties,
                 evidence,
             ]);
         }
     }
     for m in &d.misfits {
-        let note = format!("the model has {:.5}", m.model);
-        let interval = format!("{:.5} to {:.5}", m.low, m.high);
+        let note = format!("the model has {}", rounded(m.model, m.low, m.high));
         table.row([
             "misfit",
             &m.parameter,
-            &format!("{:.5}", m.fitted),
-            &interval,
+            &rounded(m.fitted, m.low, m.high),
+            &interval(m.low, m.high),
             &m.tied_with.join(", "),
             &note,
         ]);
@@ -190,42 +199,16 @@ fn tournament(d: &Diagnosis) -> Result<Vec<Part>> {
     Ok(parts)
 }
 
-fn seen(pictures: &[(&'static str, Picture)]) -> Result<Vec<Part>> {
-    let mut parts = Vec::new();
-    let curve = |of: fn(&Picture) -> &Option<Trace>, log: bool| {
-        let bend = |p: &(f64, f64)| if log { (p.0.log10(), p.1.max(1e-6).log10()) } else { *p };
-        let all: Vec<Curve<'_>> = pictures
-            .iter()
-            .filter_map(|(name, p)| {
-                Some(Curve { name, points: of(p).as_ref()?.1.iter().map(bend).collect() })
-            })
-            .collect();
-        let place = pictures.iter().find_map(|(_, p)| Some(of(p).as_ref()?.0.clone()));
-        (place, all)
-    };
-    if let (Some(place), all) = curve(|p| &p.intervals, false) {
-        parts.push(Part::heading("Intervals"));
-        let plot = bars(&place, "interval over the pixel's mean", &all)?;
-        parts.push(Part::figure(plot, "How long intervals are, each in units of its own pixel's mean."));
+#[cfg(test)]
+mod tests {
+    use super::{interval, rounded};
+
+    #[test]
+    fn numbers_are_shown_as_far_as_they_are_known() {
+        assert_eq!(rounded(0.00744, 0.003_42, 0.011_46), "0.0074");
+        assert_eq!(interval(0.003_42, 0.011_46), "0.0034 to 0.0115");
+        assert_eq!(interval(6.574_67, 9.950_68), "6.6 to 10.0");
+        assert_eq!(rounded(2480.0, 2100.0, 2900.0), "2480");
+        assert_eq!(rounded(0.5, 0.5, 0.5), "0.50000", "known exactly");
     }
-    if let (Some(place), all) = curve(|p| &p.spectrum, true) {
-        parts.push(Part::heading("Spectrum of the readouts' totals"));
-        let plot = curves(&place, "log10 of the frequency in Hz", "log10 of the power", &all)?;
-        parts.push(Part::figure(plot, "Power over that of as many independent spikes."));
-    }
-    for (place, what) in ["gain", "dark current"].into_iter().enumerate() {
-        let maps: Vec<_> = pictures.iter().filter_map(|(n, p)| Some((n, &p.maps.as_ref()?[place]))).collect();
-        if maps.is_empty() {
-            continue;
-        }
-        parts.push(Part::heading(&format!("Map of the {what}")));
-        for (name, map) in maps {
-            let width = pictures.iter().find_map(|p| p.1.width).unwrap_or(1);
-            parts.push(Part::figure(
-                heat_map(map, width, &format!("{what}, {name}"))?,
-                format!("{what}: {name}"),
-            ));
-        }
-    }
-    Ok(parts)
 }

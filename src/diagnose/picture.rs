@@ -1,5 +1,7 @@
 //! What a set looks like: maps, spectra and intervals for the report, of the data and of a model.
 
+use rayon::prelude::*;
+
 use super::lines::lines;
 use super::model::Model;
 use super::reference::Reference;
@@ -17,8 +19,14 @@ const LONGEST: f64 = 2.0;
 /// Points of a spectrum, equally spaced in the frequency's logarithm.
 const POINTS: usize = 60;
 
+/// Further sensors of the final model. A point of yet another one's spectrum lies outside of theirs twice in so many and one.
+pub(super) const FURTHER: usize = 20;
+
+/// Points of a curve, by rising x.
+pub type Points = Vec<(f64, f64)>;
+
 /// The name of a recording, and the points of a curve.
-pub type Trace = (String, Vec<(f64, f64)>);
+pub type Trace = (String, Points);
 
 /// One set, seen.
 #[derive(Clone, Debug, Default)]
@@ -30,6 +38,8 @@ pub struct Picture {
     /// Name of the recording that the spectrum is of, with frequency in hertz and power over the one
     /// of independent pixels.
     pub spectrum: Option<Trace>,
+    /// Lowest and highest such power of 20 further sensors of a model.
+    pub range: Option<[Points; 2]>,
     /// Name of the recording that the intervals are of, with length over the pixel's mean and share.
     pub intervals: Option<Trace>,
 }
@@ -52,23 +62,48 @@ pub(super) fn pictures(
         let seed = reference.seed + 90_000;
         picture(setup, &setup.simulate(sample, seed)?, |k| setup.bits(sample, k, seed))
     };
-    Ok(vec![("recordings", data), ("model before", simulated(&base)?), ("model after", simulated(&model)?)])
+    let range = range(reference, &model)?;
+    let after = Picture { range, ..simulated(&model)? };
+    Ok(vec![("recordings", data), ("model before", simulated(&base)?), ("model after", after)])
+}
+
+/// The flat that the spectrum is of: the one nearest to half of full scale.
+fn middle(setup: &Setup) -> Option<usize> {
+    flats(setup).min_by(|a, b| (a.1 - 0.5).abs().total_cmp(&(b.1 - 0.5).abs())).map(|(k, _)| k)
+}
+
+/// Flats and their light.
+fn flats(setup: &Setup) -> impl Iterator<Item = (usize, f64)> {
+    setup.scenes.iter().enumerate().filter_map(|(k, s)| Some((k, s.level()?))).filter(|f| f.1 > 0.0)
+}
+
+fn range(reference: &Reference, sample: &Sample) -> Result<Option<[Points; 2]>> {
+    let setup = &reference.setup;
+    let Some(k) = middle(setup) else { return Ok(None) };
+    let spectrum = |i: usize| {
+        let scan = setup.scene(sample, k, reference.seed + 91_000 + i as u64)?;
+        Ok(smooth(&scan.totals, setup.readout_hz))
+    };
+    let all = (0..FURTHER).into_par_iter().map(spectrum).collect::<Result<Vec<_>>>()?;
+    let ends = |pick: fn(f64, f64) -> f64| {
+        let at = |i: usize| (all[0][i].0, all.iter().map(|s| s[i].1).reduce(pick).unwrap_or_default());
+        (0..all[0].len()).map(at).collect()
+    };
+    Ok(Some([ends(f64::min), ends(f64::max)]))
 }
 
 fn picture(setup: &Setup, scans: &[Scan], bits: impl Fn(usize) -> Result<Vec<u8>>) -> Result<Picture> {
-    let flats = || setup.scenes.iter().enumerate().filter_map(|(k, s)| Some((k, s.level()?)));
-    let lit = flats().filter(|f| f.1 > 0.0).min_by(|a, b| a.1.total_cmp(&b.1));
-    let middle = flats().filter(|f| f.1 > 0.0).min_by(|a, b| (a.1 - 0.5).abs().total_cmp(&(b.1 - 0.5).abs()));
-    let intervals = match lit {
+    let intervals = match flats(setup).min_by(|a, b| a.1.total_cmp(&b.1)) {
         Some((k, _)) => Some((setup.scenes[k].name.clone(), lengths(setup, &bits(k)?)?)),
         None => None,
     };
     Ok(Picture {
         width: Some(setup.geometry.width()),
         maps: lines(setup, scans).map(|l| [l.gain, l.dark]),
-        spectrum: middle
-            .map(|(k, _)| (setup.scenes[k].name.clone(), smooth(&scans[k].totals, setup.readout_hz))),
+        spectrum: middle(setup)
+            .map(|k| (setup.scenes[k].name.clone(), smooth(&scans[k].totals, setup.readout_hz))),
         intervals,
+        range: None,
     })
 }
 

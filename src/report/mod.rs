@@ -1,9 +1,11 @@
 //! Reports: one HTML file that needs nothing else, with plots and maps inside.
 
+mod map;
 mod plot;
 mod ranked;
 
-pub use plot::{Curve, bars, curves, heat_map};
+pub use map::heat_map;
+pub use plot::{Band, Curve, bars, curves, curves_over};
 pub use ranked::{Row, ranked};
 
 use minijinja::{AutoEscape, Environment, context};

@@ -1,4 +1,4 @@
-//! Plots as SVG, maps as PNG inside the page.
+//! Plots as SVG.
 
 use plotters::prelude::*;
 
@@ -13,6 +13,17 @@ pub struct Curve<'a> {
     pub points: Vec<(f64, f64)>,
 }
 
+/// What lies between two lines of common x, drawn below the curves.
+#[derive(Clone, Debug)]
+pub struct Band<'a> {
+    /// Name in the legend.
+    pub name: &'a str,
+    /// Points of the lower line, by rising x.
+    pub low: Vec<(f64, f64)>,
+    /// Points of the upper line, by rising x.
+    pub high: Vec<(f64, f64)>,
+}
+
 const SIZE: (u32, u32) = (800, 420);
 pub(super) const COLOURS: [RGBColor; 8] = [
     RGBColor(0, 0, 0),
@@ -24,6 +35,8 @@ pub(super) const COLOURS: [RGBColor; 8] = [
     RGBColor(86, 180, 233),
     RGBColor(120, 120, 120),
 ];
+
+const BETWEEN: RGBColor = RGBColor(210, 210, 210);
 
 pub(super) fn failed(e: impl std::fmt::Display) -> Error {
     Error::new(Kind::Config, "plot").found(e)
@@ -46,16 +59,25 @@ const NAMES: i32 = 170;
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 
 /// Splits off and fills the place for the names, so that none lies over a curve.
-fn name_curves<'a>(root: &Area<'a>, curves: &[Curve<'_>]) -> Result<Area<'a>> {
-    if curves.len() < 2 {
+fn name_curves<'a>(root: &Area<'a>, curves: &[Curve<'_>], band: Option<&Band<'_>>) -> Result<Area<'a>> {
+    if curves.len() < 2 && band.is_none() {
         return Ok(root.clone());
     }
     let (plot, names) = root.split_horizontally(SIZE.0 as i32 - NAMES);
+    let height = |i: usize| 50 + 22 * i as i32;
+    let write = |name: &str, y: i32| {
+        names.draw(&Text::new(name.to_owned(), (32, y - 7), ("sans-serif", 14))).map_err(failed)
+    };
     for (i, curve) in curves.iter().enumerate() {
-        let y = 50 + 22 * i as i32;
+        let y = height(i);
         let line = PathElement::new(vec![(4, y), (26, y)], COLOURS[i % COLOURS.len()].stroke_width(3));
         names.draw(&line).map_err(failed)?;
-        names.draw(&Text::new(curve.name.to_owned(), (32, y - 7), ("sans-serif", 14))).map_err(failed)?;
+        write(curve.name, y)?;
+    }
+    if let Some(band) = band {
+        let y = height(curves.len());
+        names.draw(&Rectangle::new([(4, y - 6), (26, y + 6)], BETWEEN.filled())).map_err(failed)?;
+        write(band.name, y)?;
     }
     Ok(plot)
 }
@@ -64,14 +86,14 @@ fn name_curves<'a>(root: &Area<'a>, curves: &[Curve<'_>]) -> Result<Area<'a>> {
 fn chart(
     title: &str,
     (x, y): (&str, &str),
-    curves: &[Curve<'_>],
+    (curves, band): (&[Curve<'_>], Option<&Band<'_>>),
     ranges: [std::ops::Range<f64>; 2],
     draw: impl FnOnce(&mut Chart<'_, '_>) -> Result<()>,
 ) -> Result<String> {
     let mut svg = String::new();
     {
         let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
-        let plot = name_curves(&root, curves)?;
+        let plot = name_curves(&root, curves, band)?;
         let [across, up] = ranges;
         let mut chart = ChartBuilder::on(&plot)
             .caption(title, ("sans-serif", 18))
@@ -100,9 +122,27 @@ type Chart<'a, 'b> = ChartContext<
 /// # Errors
 /// When the plot cannot be laid out.
 pub fn curves(title: &str, x: &str, y: &str, curves: &[Curve<'_>]) -> Result<String> {
-    let all = || curves.iter().flat_map(|c| c.points.iter());
+    curves_over(title, (x, y), curves, None)
+}
+
+/// [`curves`] over a band, `(x, y)` the axes' names.
+///
+/// # Errors
+/// When the plot cannot be laid out.
+pub fn curves_over(
+    title: &str,
+    axes: (&str, &str),
+    curves: &[Curve<'_>],
+    band: Option<&Band<'_>>,
+) -> Result<String> {
+    let ends = || band.iter().flat_map(|b| b.low.iter().chain(&b.high));
+    let all = || curves.iter().flat_map(|c| c.points.iter()).chain(ends());
     let ranges = [range(all().map(|p| p.0)), range(all().map(|p| p.1))];
-    chart(title, (x, y), curves, ranges, |chart| {
+    chart(title, axes, (curves, band), ranges, |chart| {
+        if let Some(band) = band {
+            let outline: Vec<_> = band.low.iter().chain(band.high.iter().rev()).copied().collect();
+            chart.draw_series([Polygon::new(outline, BETWEEN.filled())]).map_err(failed)?;
+        }
         for (i, curve) in curves.iter().enumerate() {
             let colour = COLOURS[i % COLOURS.len()];
             let points = curve.points.iter().copied().filter(|p| p.1.is_finite());
@@ -147,7 +187,7 @@ fn side_by_side(
     let step = histograms.iter().map(&width).fold(1.0, f64::max);
     let across = range(all().flat_map(|p| [p.0 - step / 2.0, p.0 + step / 2.0]));
     let up = range(all().map(|p| p.1).chain([0.0]));
-    chart(title, (x, "share"), histograms, [across, up], |chart| {
+    chart(title, (x, "share"), (histograms, None), [across, up], |chart| {
         let bar = 0.84 * step / histograms.len() as f64;
         for (i, c) in histograms.iter().enumerate() {
             let left = |x: f64| x - 0.42 * step + bar * i as f64;
@@ -158,64 +198,4 @@ fn side_by_side(
         }
         Ok(())
     })
-}
-
-/// A map in grey, from the 1st (black) to the 99th percentile (white), as an image element.
-/// `label` is its alternative text.
-///
-/// # Errors
-/// When the image cannot be encoded.
-pub fn heat_map(map: &[f64], width: usize, label: &str) -> Result<String> {
-    let mut sorted = crate::measure::finite(map);
-    sorted.sort_by(f64::total_cmp);
-    let at = |share: f64| sorted.get((share * sorted.len() as f64) as usize).copied().unwrap_or(0.0);
-    let (low, high) = (at(0.01), at(0.99));
-    let scale = 255.0 / (high - low).max(f64::MIN_POSITIVE);
-    // A pixel without a value is red.
-    let colour = |v: &f64| {
-        let grey = ((v - low) * scale).clamp(0.0, 255.0) as u8;
-        if v.is_finite() { [grey; 3] } else { [200, 0, 0] }
-    };
-    let pixels: Vec<u8> = map.iter().flat_map(colour).collect();
-    let mut png = std::io::Cursor::new(Vec::new());
-    let height = map.len() / width;
-    image::write_buffer_with_format(
-        &mut png,
-        &pixels,
-        width as u32,
-        height as u32,
-        image::ExtendedColorType::Rgb8,
-        image::ImageFormat::Png,
-    )
-    .map_err(failed)?;
-    let label = label.replace(['<', '>', '"', '&'], " ");
-    Ok(format!(
-        "<img alt=\"{label}\" width=\"{}\" style=\"image-rendering: pixelated\" src=\"data:image/png;base64,{}\">",
-        (2 * width).clamp(200, 800),
-        base64(png.get_ref())
-    ))
-}
-
-/// RFC 4648, with padding.
-fn base64(bytes: &[u8]) -> String {
-    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let word = chunk.iter().enumerate().fold(0_u32, |w, (i, b)| w | u32::from(*b) << (16 - 8 * i));
-        for i in 0..4 {
-            let sextet = (word >> (18 - 6 * i)) as usize & 63;
-            text.push(if i <= chunk.len() { ALPHABET[sextet] as char } else { '=' });
-        }
-    }
-    text
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn base64_has_the_vectors_of_its_standard() {
-        for (plain, coded) in [("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
-            assert_eq!(super::base64(plain.as_bytes()), coded);
-        }
-    }
 }
