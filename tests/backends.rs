@@ -289,3 +289,77 @@ proptest! {
         }
     }
 }
+
+/// What may stand beside the noise of a camera under held light, each by itself or none.
+const BESIDE: [Option<&str>; 15] = [
+    None,
+    Some("missed_spikes"),
+    Some("false_spikes"),
+    Some("crosstalk"),
+    Some("response_nonlinearity"),
+    Some("row_noise"),
+    Some("adaptation"),
+    Some("slow_threshold_noise"),
+    Some("comparator_noise"),
+    Some("leak"),
+    Some("flicker"),
+    Some("image_lag"),
+    Some("telegraph_dark"),
+    Some("spike_coupling"),
+    Some("supply_droop"),
+];
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 384, ..ProptestConfig::default() })]
+
+    /// Backends count no surplus where none can come: from far below full scale to above it, and when the light changes from one to
+    /// the other.
+    #[test]
+    fn held_light_gives_the_same_bits_on_every_backend(
+        levels in proptest::collection::vec(prop_oneof![Just(0.0f32), 0.0f32..0.5, 0.6f32..1.3], 1..4),
+        lost in prop_oneof![Just(0.0), 1e-3f64..0.1],
+        noise in prop_oneof![Just(0.0), 1e-3f64..0.08],
+        clamped in any::<bool>(),
+        dark_quanta in any::<bool>(),
+        beside in 0..BESIDE.len(),
+        width in 60u32..150,
+        readouts in 1usize..150,
+        seed in any::<u64>(),
+    ) {
+        let typical = |name: &str| effects::find(name).unwrap().typical();
+        let with = |name: &str, key: &str, value: f64| effects::find(name).unwrap().neutral().with(key, value).unwrap();
+        let noise = with("thermal_noise", "sigma", noise).with_text("redraw", "every-readout").unwrap();
+        let mut camera = Camera::ideal(Sensor::new(width, 2, 20_000.0).unwrap())
+            .with(typical("prnu"))
+            .with(typical("bias_voltage"))
+            .with(typical("start_phase"))
+            .with(dark())
+            .with(typical("shot_noise"))
+            .with(noise)
+            .with(with("dead_time", "lost_fraction", lost));
+        if clamped {
+            camera = camera.with(typical("saturation_clamp"));
+        }
+        if dark_quanta {
+            camera = camera.with(typical("dark_shot_noise"));
+        }
+        if let Some(name) = BESIDE[beside] {
+            camera = camera.with(typical(name));
+        }
+        let plan = Plan::with_light(&camera, Seeds { camera: seed, shot: seed, sequence: 0 }, 1.3).unwrap();
+        let stream = |backend: Backend| {
+            let mut simulator = Simulator::of_plan(plan.clone()).with_backend(backend).unwrap();
+            let geometry = plan.geometry();
+            let mut bits = vec![0; levels.len() * readouts * geometry.frame_bytes()];
+            for (level, out) in levels.iter().zip(bits.chunks_mut(readouts * geometry.frame_bytes())) {
+                let frame = vec![*level; geometry.pixels()];
+                simulator.push(FrameRef::f32(&frame, geometry), out).unwrap();
+            }
+            (bits, simulator.state().clone())
+        };
+        let expected = stream(Backend::Reference);
+        for backend in vectors() {
+            prop_assert!(expected == stream(backend), "{} beside {:?}", backend, BESIDE[beside]);
+        }
+    }
+}

@@ -38,6 +38,7 @@ mod rebase;
 mod recorded;
 mod redraw;
 mod reference;
+mod remembered;
 mod round;
 mod run;
 mod scan;

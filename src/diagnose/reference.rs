@@ -11,6 +11,7 @@ use super::limits::{Clean, Limits};
 use super::metric::{Metric, Noise, noise};
 use super::model::{LAMP, Model};
 use super::redraw::{Redrawn, redraw};
+use super::remembered::Remembered;
 use super::setup::Setup;
 use super::vector::Statistic;
 use crate::effects::Camera;
@@ -58,6 +59,8 @@ pub struct Reference {
     pub(super) missing: Vec<&'static str>,
     /// What clean sensors show.
     pub(super) clean: Clean,
+    /// What fitted models were simulated as.
+    remembered: Remembered,
 }
 
 /// Told what is being done and the share of it that is.
@@ -116,6 +119,7 @@ impl Reference {
             missed,
             signatures: Vec::new(),
             missing,
+            remembered: Remembered::default(),
         };
         let sign = |c: Candidate| reference.signature(c);
         reference.signatures = all.into_par_iter().map(sign).collect::<Result<_>>()?;
@@ -155,7 +159,8 @@ impl Reference {
         known: Vec<DVector<f64>>,
     ) -> Result<Means> {
         let sample = model.sample(u, &[], self.setup.scenes.len())?;
-        let one = |i: usize| Ok(DVector::from_vec(self.setup.values(&sample, self.seed + i as u64)?));
+        let simulate = |i: usize| Ok(DVector::from_vec(self.setup.values(&sample, self.seed + i as u64)?));
+        let one = |i: usize| self.remembered.or(&sample.camera, i, || simulate(i));
         let mut each = known;
         let more = (each.len()..count.min(FIXED)).into_par_iter().map(one);
         each.extend(more.collect::<Result<Vec<_>>>()?);

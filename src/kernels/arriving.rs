@@ -26,6 +26,34 @@ pub(super) fn optics<L: Lanes>(
     l.add_f(own, l.mul_f(gained, l.splat_f(further.crosstalk * 0.25)))
 }
 
+/// Light of a frame as it falls on the pixels, in 1/255 of full scale.
+#[inline(always)]
+pub(super) fn fallen<L: Lanes>(l: L, job: &Job<'_>, samples: Samples<'_>, p: usize) -> L::Float {
+    match job.plan.further() {
+        None => sample(l, samples, p),
+        Some(further) => optics(l, job, further, samples, p),
+    }
+}
+
+/// Fallen light cut off at the brightest that the plan holds, as it acts where it does not change with the readout.
+#[inline(always)]
+pub(super) fn acting<L: Lanes>(l: L, job: &Job<'_>, light: L::Float, unbounded: bool) -> L::Float {
+    let further = job.plan.further();
+    // Sums of neighbours' light are rounded.
+    let light = cut_off(l, job.plan.rules().greatest_light, light, unbounded || further.is_some());
+    further.map_or(light, |further| bent(l, further, light))
+}
+
+/// Light after the response's curvature.
+#[inline(always)]
+fn bent<L: Lanes>(l: L, further: &Further, light: L::Float) -> L::Float {
+    if further.quadratic == 0.0 {
+        return light;
+    }
+    let light = l.min_f(light, l.splat_f(further.peak));
+    l.add_f(light, l.mul_f(l.mul_f(light, light), l.splat_f(further.quadratic)))
+}
+
 /// Sum of the four neighbours' light of 32 pixels from `first` on; a missing neighbour is the pixel itself.
 /// Plain code, once for every new frame.
 #[inline(never)]
@@ -58,10 +86,7 @@ pub(super) fn seen<L: Lanes>(
     if further.schedule.is_some() {
         light = l.mul_f(light, l.splat_f(job.batch.modulation().factors[t]));
     }
-    if further.quadratic != 0.0 {
-        light = l.min_f(light, l.splat_f(further.peak));
-        light = l.add_f(light, l.mul_f(l.mul_f(light, light), l.splat_f(further.quadratic)));
-    }
+    light = bent(l, further, light);
     let Some(lag) = further.lag else { return light };
     let late = lingering.late;
     lingering.late = l.add_f(late, l.mul_f(l.sub_f(light, late), l.splat_f(lag.arriving)));

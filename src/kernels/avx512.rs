@@ -404,6 +404,11 @@ impl Lanes for Avx512 {
         second << 16 | first
     }
     #[inline(always)]
+    fn select_w(self, m: __mmask32, a: Pair, b: Pair) -> Pair {
+        let halves = [m as u16, (m >> 16) as u16];
+        both_of!(i => proven!(_mm512_mask_blend_epi32(halves[i], b[i], a[i])))
+    }
+    #[inline(always)]
     fn gather(self, table: &[u32], index: Pair) -> Pair {
         let last = self.splat_pair(u32::try_from(table.len() - 1).unwrap_or(u32::MAX));
         both!(index => {

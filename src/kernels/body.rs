@@ -14,7 +14,9 @@
 //! threshold ([`NONE`], [`READOUT`], [`RESET`]), how charge is stored (`STORE`:
 //! [`FREE`], [`CLAMPED`], [`SURPLUS`]), `WHOLE` for increments without a
 //! fraction. With `ANY` the plan is asked at run time instead, and the rarer
-//! rules apply too. Operations beyond these have a body of their own, `general`.
+//! rules apply too; with `EXTRA` it is asked so only where two vectors cannot run
+//! together, and of those rules there are a dead time and flipped bits. Operations
+//! beyond these have a body of their own, `general`.
 //!
 //! Rejected: one draw for light and threshold together (shot charge always
 //! stays, threshold noise counts only at a spike); skipping threshold draws
@@ -23,10 +25,12 @@
 
 use std::ops::Range;
 
+use crate::kernels::arriving::{acting, fallen};
 use crate::kernels::bare::bare;
 use crate::kernels::general::general;
-use crate::kernels::increment::{Fine, Increment, Sample, cut_off, sample};
+use crate::kernels::increment::{Fine, Increment, Sample, cut_off};
 use crate::kernels::lanes::{COUNTED, Lanes};
+use crate::kernels::pair::pair;
 use crate::kernels::pass::{Pass, Row, Rows, passes};
 use crate::kernels::pixels::{Constants, Pixels};
 use crate::kernels::rare;
@@ -38,12 +42,12 @@ use crate::plan::{NoiseTable, StateParts};
 /// The cases that have a function of their own in every backend: one function
 /// with all of them has fifty thousand instructions, and the compiler then
 /// stops to inline and spills what it could keep.
-pub(super) const CASES: u8 = 10;
+pub(super) const CASES: u8 = 12;
 
 /// Evaluates an expression with the number of the job's case as a constant.
 macro_rules! by_case {
     ($job:expr, $case:ident => $e:expr) => {
-        by_case!(@ $job, $case, $e, [0, 1, 2, 3, 4, 5, 6, 7, 8])
+        by_case!(@ $job, $case, $e, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10])
     };
     (@ $job:expr, $case:ident, $e:expr, [$($n:literal),*]) => {
         match body::case($job) {
@@ -56,7 +60,7 @@ pub(super) use by_case;
 
 /// The case of a job.
 pub(super) fn case(job: &Job<'_>) -> u8 {
-    if job.plan.further().is_some() {
+    if job.plan.further().is_some_and(|further| !further.only_bends_light()) {
         return CASES - 1;
     }
     let (tables, rules) = (job.plan.tables(), job.plan.rules());
@@ -66,15 +70,21 @@ pub(super) fn case(job: &Job<'_>) -> u8 {
         (Some(NoiseTable::Whole(_)), Redraw::EveryReset) => Some(RESET),
         (Some(NoiseTable::Fine(_)), _) => None,
     };
-    let noise = noise.filter(|_| !rules.extras());
+    let extra = rules.extras();
+    let noise = noise.filter(|_| rules.keeps_remainder());
     let store = match (rules.surplus, tables.ceiling.is_empty()) {
         (true, _) => SURPLUS,
         (false, true) => FREE,
         (false, false) => CLAMPED,
     };
     let bytes = job.batch.segments().iter().all(|(_, light)| matches!(light, Light::Held(Samples::U8(_))));
+    let bends = job.plan.further().is_some();
     let whole = bytes && !tables.whole_gain.is_empty();
     match (tables.shot.is_some(), noise, store) {
+        (true, Some(READOUT), CLAMPED) if extra => 8,
+        (true, Some(READOUT), SURPLUS) if extra => 9,
+        _ if extra => 10,
+        (false, Some(NONE), _) if bends => 10,
         (false, Some(NONE), FREE) if whole => 0,
         (false, Some(NONE), FREE) => 1,
         (false, Some(NONE), CLAMPED) if whole => 2,
@@ -83,7 +93,7 @@ pub(super) fn case(job: &Job<'_>) -> u8 {
         (true, Some(READOUT), CLAMPED) => 5,
         (true, Some(READOUT), SURPLUS) => 6,
         (true, Some(RESET), CLAMPED) => 7,
-        _ => 8,
+        _ => 10,
     }
 }
 
@@ -95,18 +105,20 @@ pub(super) fn run<L: Lanes, const CASE: u8>(l: L, job: &Job<'_>, state: &mut Sta
         1 => bare::<L, FREE, false>(l, job, state, out),
         2 => bare::<L, CLAMPED, true>(l, job, state, out),
         3 => bare::<L, CLAMPED, false>(l, job, state, out),
-        4 => noisy::<L, NONE, CLAMPED, false>(l, job, state, out),
-        5 => noisy::<L, READOUT, CLAMPED, false>(l, job, state, out),
-        6 => noisy::<L, READOUT, SURPLUS, false>(l, job, state, out),
-        7 => noisy::<L, RESET, CLAMPED, false>(l, job, state, out),
-        8 => noisy::<L, NONE, SURPLUS, true>(l, job, state, out),
+        4 => noisy::<L, NONE, CLAMPED, false, false>(l, job, state, out),
+        5 => noisy::<L, READOUT, CLAMPED, false, false>(l, job, state, out),
+        6 => noisy::<L, READOUT, SURPLUS, false, false>(l, job, state, out),
+        7 => noisy::<L, RESET, CLAMPED, false, false>(l, job, state, out),
+        8 => noisy::<L, READOUT, CLAMPED, true, true>(l, job, state, out),
+        9 => noisy::<L, READOUT, SURPLUS, true, true>(l, job, state, out),
+        10 => noisy::<L, NONE, SURPLUS, true, false>(l, job, state, out),
         _ => general(l, job, state, out),
     }
 }
 
 /// Plans with noise: one vector at a time.
 #[inline(always)]
-fn noisy<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
+fn noisy<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool, const EXTRA: bool>(
     l: L,
     job: &Job<'_>,
     state: &mut StateParts<'_>,
@@ -116,7 +128,7 @@ fn noisy<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
         // Vectors that lie in the frames whole can be read without a thought for their end.
         let whole = (job.plan.geometry().pixels().saturating_sub(job.range().start)) / L::N * L::N;
         let whole = whole.min(job.pixels());
-        let rest = match pass.single {
+        let rest = match pass.single.filter(|_| job.plan.further().is_none()) {
             Some(Samples::U8(_)) => singles::<L, u8, NOISE, STORE, ANY>(l, job, &pass, whole, state, out),
             Some(Samples::U16(_)) => singles::<L, u16, NOISE, STORE, ANY>(l, job, &pass, whole, state, out),
             Some(Samples::F32(_)) => singles::<L, f32, NOISE, STORE, ANY>(l, job, &pass, whole, state, out),
@@ -124,7 +136,7 @@ fn noisy<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
         };
         let mut at = rest;
         while at < job.pixels() {
-            if !ANY && pair::<L, NOISE, STORE>(l, job, &pass, at, state, out) {
+            if (!ANY || EXTRA) && pair::<L, NOISE, STORE, EXTRA>(l, job, &pass, at, state, out) {
                 at += 2 * L::N;
                 continue;
             }
@@ -173,7 +185,7 @@ fn singles<L: Lanes, T: Sample, const NOISE: u8, const STORE: u8, const ANY: boo
                     let increments = [&Increment::bright(l, &c, light), &Increment::bright(l, &d, more)];
                     let both = [&mut pixels, &mut others];
                     let [fired, also] =
-                        step::noisy_two::<L, NOISE, STORE>(l, &row, [&c, &d], increments, both);
+                        step::noisy_two::<L, NOISE, STORE, false, true>(l, &row, [&c, &d], increments, both);
                     let bits = &mut row.bits[at / 8..][..const { L::N / 4 }];
                     l.store_bits_of_two(bits, fired, also);
                 }
@@ -207,51 +219,6 @@ fn is_bright<L: Lanes, T: Sample>(l: L, frames: &[&[T]], greatest: f32, c: &Cons
     !l.any_less_f(cut_off(l, greatest, T::least(l, frames, c.p), true), c.whole_from)
 }
 
-/// Two vectors together under one held frame, so that they share the words of
-/// each readout; false, with nothing done, where the light or the place is another.
-#[inline(always)]
-fn pair<L: Lanes, const NOISE: u8, const STORE: u8>(
-    l: L,
-    job: &Job<'_>,
-    pass: &Pass<'_>,
-    at: usize,
-    state: &mut StateParts<'_>,
-    out: &mut [u8],
-) -> bool {
-    let [(readouts, Light::Held(samples))] = pass.segments else { return false };
-    // The second says what the first does, in the words in which the loop would ask at every readout.
-    if at + 2 * L::N > job.pixels() || !is_inside(job.tile_bytes(), at / 8, const { L::N / 4 }) {
-        return false;
-    }
-    let greatest = job.plan.rules().greatest_light;
-    let (first, second) = (job.range().start + at, job.range().start + at + L::N);
-    let (c, d) = (Constants::load(l, job, first), Constants::load(l, job, second));
-    let light = cut_off(l, greatest, sample(l, *samples, first), samples.unbounded());
-    let increment = Increment::new::<true, false>(l, &c, light);
-    let light = cut_off(l, greatest, sample(l, *samples, second), samples.unbounded());
-    let other = Increment::new::<true, false>(l, &d, light);
-    if increment.any_fine || other.any_fine {
-        return false;
-    }
-    let mut pixels = Pixels::load(l, state, at);
-    let mut others = Pixels::load(l, state, at + L::N);
-    for row in Rows::new(job, readouts.clone(), out) {
-        let both = [&mut pixels, &mut others];
-        let [fired, more] = step::noisy_two::<L, NOISE, STORE>(l, &row, [&c, &d], [&increment, &other], both);
-        let bits = &mut row.bits[at / 8..][..const { L::N / 4 }];
-        l.store_bits_of_two(bits, fired, more);
-    }
-    pixels.store(l, state, at);
-    others.store(l, state, at + L::N);
-    true
-}
-
-/// Whether `count` bytes from `at` on lie within `bytes`.
-#[inline(always)]
-fn is_inside(bytes: usize, at: usize, count: usize) -> bool {
-    at <= bytes && count <= bytes - at
-}
-
 /// Held frames and ways between frames.
 #[inline(always)]
 fn mixed<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
@@ -264,19 +231,18 @@ fn mixed<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
 ) {
     let c = Constants::load(l, job, job.range().start + at);
     let mut pixels = Pixels::load(l, state, at);
-    let greatest = job.plan.rules().greatest_light;
     for (readouts, light) in pass.segments {
         match *light {
             Light::Held(samples) => {
-                let light = cut_off(l, greatest, sample(l, samples, c.p), samples.unbounded());
+                let light = acting(l, job, fallen(l, job, samples, c.p), samples.unbounded());
                 stretch::<L, NOISE, STORE, ANY>(l, job, &c, &mut pixels, readouts.clone(), light, out, at);
             }
             Light::Between { from, to, weights } => {
-                let start = sample(l, from, c.p);
-                let way = l.sub_f(sample(l, to, c.p), start);
+                let start = fallen(l, job, from, c.p);
+                let way = l.sub_f(fallen(l, job, to, c.p), start);
                 for t in readouts.clone() {
                     let weight = l.splat_f(weights[t - readouts.start]);
-                    let light = cut_off(l, greatest, l.add_f(start, l.mul_f(way, weight)), true);
+                    let light = acting(l, job, l.add_f(start, l.mul_f(way, weight)), true);
                     stretch::<L, NOISE, STORE, ANY>(l, job, &c, &mut pixels, t..t + 1, light, out, at);
                 }
             }

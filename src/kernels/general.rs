@@ -13,7 +13,7 @@ use crate::kernels::lanes::Lanes;
 use crate::kernels::lingering::Lingering;
 use crate::kernels::modulation::Around;
 use crate::kernels::pixels::{Constants, Pixels};
-use crate::kernels::step::hash;
+use crate::kernels::step::{hash, stays_below};
 use crate::kernels::{Job, Light, rare};
 use crate::plan::{Further, StateParts};
 
@@ -89,8 +89,8 @@ struct Vector<L: Lanes> {
     /// Light of the segment's frame, and the way from it to the next.
     start: L::Float,
     way: L::Float,
-    /// Increments of the last readout's light.
-    ready: Option<(Increment<L>, Option<Fine<L>>)>,
+    /// Increments of the last readout's light, and whether no surplus can come of them.
+    ready: Option<(Increment<L>, Option<Fine<L>>, bool)>,
 }
 
 impl<L: Lanes> Vector<L> {
@@ -152,11 +152,24 @@ impl<L: Lanes> Vector<L> {
                 switched(l, job, further, &self.constants, self.dark, t, &mut self.lingering);
             let increment = Increment::new::<true, true>(l, &self.constants, light);
             let fine = if increment.any_fine { Fine::new(l, job, self.constants.p, light) } else { None };
-            self.ready = Some((increment, fine));
+            let below = job.plan.rules().surplus && !rare::needs_words(job) && fine.is_none();
+            let below = below && stays_below(l, &self.constants, &increment, &self.pixels, self.moved.sway);
+            self.ready = Some((increment, fine, below));
         }
-        let Some((increment, fine)) = &self.ready else { return l.greater(l.splat(0), l.splat(0)) };
+        let Some((increment, fine, below)) = &self.ready else { return l.greater(l.splat(0), l.splat(0)) };
         let (c, pixels, lingering) = (&self.constants, &mut self.pixels, &mut self.lingering);
-        readout(l, job, further, t, c, &self.moved, around, increment, fine.as_ref(), pixels, lingering)
+        readout(
+            l,
+            job,
+            further,
+            t,
+            c,
+            &self.moved,
+            around,
+            (increment, fine.as_ref(), *below),
+            pixels,
+            lingering,
+        )
     }
 }
 
@@ -165,12 +178,27 @@ struct Moved<L: Lanes> {
     /// Steps x 65,536.
     threshold: L::Float,
     row: L::Word,
+    /// The most by which it is off, in steps.
+    sway: L::Half,
+    /// The first row and the pixels of the next one, where there are no others.
+    two_rows: Option<(usize, L::Mask)>,
 }
 
 impl<L: Lanes> Moved<L> {
     #[inline(always)]
     fn load(l: L, further: &Further, p: usize) -> Self {
-        Self { threshold: l.load_f(&further.threshold, p), row: l.load_words(&further.rows, p) }
+        let row = l.load_words(&further.rows, p);
+        let (first, last) = (further.rows[p], further.rows[p + L::N - 1]);
+        let two_rows = (last - first < 2).then(|| (first as usize, l.greater_w(row, l.splat_w(first))));
+        Self { threshold: l.load_f(&further.threshold, p), row, sway: l.load(&further.sway, p), two_rows }
+    }
+
+    /// Every pixel's number of those that are given for all rows. To choose between two is faster than to look each one up.
+    #[inline(always)]
+    fn of_row(&self, l: L, rows: &[f32]) -> L::Float {
+        let Some((first, next)) = self.two_rows else { return l.gather_f(rows, self.row) };
+        let last = rows.len() - 1;
+        select_f(l, next, l.splat_f(rows[last.min(first + 1)]), l.splat_f(rows[last.min(first)]))
     }
 }
 
@@ -184,8 +212,7 @@ fn readout<L: Lanes>(
     c: &Constants<L>,
     moved: &Moved<L>,
     around: &Around,
-    increment: &Increment<L>,
-    fine: Option<&Fine<L>>,
+    (increment, fine, below): (&Increment<L>, Option<&Fine<L>>, bool),
     pixel: &mut Pixels<L>,
     lingering: &mut Lingering<L>,
 ) -> L::Mask {
@@ -203,8 +230,19 @@ fn readout<L: Lanes>(
     if !job.plan.tables().ceiling.is_empty() {
         pixel.charge = l.min(pixel.charge, c.ceiling);
     }
-    let offsets = offsets(l, job, further, t, c, moved, around.droop, lingering);
-    let fired = rare::compare_words(l, job, t, c, Some(offsets), pixel);
+    let words = rare::needs_words(job);
+    let fired = if further.moves_threshold() {
+        let offsets = offsets(l, job, further, t, c, moved, around.droop, lingering);
+        if words {
+            rare::compare_words(l, job, t, c, Some(offsets), pixel)
+        } else {
+            rare::compare_moved(l, job, t, c, offsets, below, pixel)
+        }
+    } else if words {
+        rare::compare_words(l, job, t, c, None, pixel)
+    } else {
+        rare::compare(l, job, t, c, below, pixel)
+    };
     if job.plan.rules().lost_increment != 0.0 || further.couples() {
         pixel.fired = l.select(fired, l.splat(-1), l.splat(0));
     }
@@ -228,12 +266,12 @@ fn offsets<L: Lanes>(
     moved: &Moved<L>,
     droop: f32,
     lingering: &mut Lingering<L>,
-) -> (L::Word, L::Word) {
+) -> (L::Word, Option<L::Word>) {
     let modulation = job.batch.modulation();
     let mut offset = l.splat_f(0.0);
     if further.row_noise != 0.0 {
         let height = further.height();
-        offset = l.gather_f(&modulation.rows[t * height..][..height], moved.row);
+        offset = moved.of_row(l, &modulation.rows[t * height..][..height]);
     }
     if let Some(slow) = further.slow {
         let z = l.to_f(l.widen(l.gauss(hash(l, c.pair_keys, &modulation.slow[t]))));
@@ -250,9 +288,9 @@ fn offsets<L: Lanes>(
     }
     let offset = fixed(l, l.mul_f(offset, moved.threshold), true);
     if further.comparator == 0.0 {
-        return (offset, l.splat_w(0));
+        return (offset, None);
     }
     let z = l.to_f(l.widen(l.gauss(hash(l, c.pair_keys, &modulation.comparator[t]))));
     let only = l.mul_f(l.mul_f(z, l.splat_f(further.comparator)), moved.threshold);
-    (offset, fixed(l, only, true))
+    (offset, Some(fixed(l, only, true)))
 }

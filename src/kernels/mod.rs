@@ -30,6 +30,7 @@ mod increment;
 mod lanes;
 mod lingering;
 mod modulation;
+mod pair;
 mod pass;
 mod pixels;
 mod portable;

@@ -5,7 +5,7 @@ use crate::kernels::Job;
 use crate::kernels::increment::{Fine, Increment, fixed};
 use crate::kernels::lanes::Lanes;
 use crate::kernels::pixels::{Constants, Halves, Pixels, halves};
-use crate::kernels::step::{borrow, counted, hash, settle};
+use crate::kernels::step::{borrow, count_surplus, counted, hash, settle};
 use crate::pixel::Redraw;
 use crate::plan::NoiseTable;
 
@@ -24,11 +24,10 @@ pub(super) fn readout<L: Lanes>(
     if !job.plan.tables().ceiling.is_empty() {
         pixel.charge = l.min(pixel.charge, constants.ceiling);
     }
-    let fractions = matches!(job.plan.tables().noise, Some(NoiseTable::Fine(_)));
-    let fired = if fractions || job.plan.rules().kept_remainder != 1.0 {
+    let fired = if needs_words(job) {
         compare_words(l, job, t, constants, None, pixel)
     } else {
-        compare(l, job, t, constants, pixel)
+        compare(l, job, t, constants, false, pixel)
     };
     if job.plan.rules().lost_increment != 0.0 {
         pixel.fired = l.select(fired, l.splat(-1), l.splat(0));
@@ -83,13 +82,20 @@ fn either<L: Lanes>(l: L, m: L::Mask, a: Halves<L>, b: Halves<L>) -> Halves<L> {
     (l.select(m, a.0, b.0), l.select(m, a.1, b.1))
 }
 
-/// Compares and resets in whole steps.
+/// Whether a comparison or a reset needs fractions of a step, be the threshold moved or not.
 #[inline(always)]
-fn compare<L: Lanes>(
+pub(super) fn needs_words(job: &Job<'_>) -> bool {
+    job.plan.rules().kept_remainder != 1.0 || matches!(job.plan.tables().noise, Some(NoiseTable::Fine(_)))
+}
+
+/// Compares and resets in whole steps, `below` where there is no surplus and none can come.
+#[inline(always)]
+pub(super) fn compare<L: Lanes>(
     l: L,
     job: &Job<'_>,
     t: usize,
     constants: &Constants<L>,
+    below: bool,
     pixel: &mut Pixels<L>,
 ) -> L::Mask {
     let rules = job.plan.rules();
@@ -102,11 +108,77 @@ fn compare<L: Lanes>(
     };
     let frozen = rules.redraw == Redraw::EveryReset;
     let noise = if frozen { pixel.held } else { fresh };
-    if rules.surplus {
+    let counts = rules.surplus && !below;
+    if counts {
         settle(l, pixel, constants.threshold);
     }
     let reached = l.not_less(pixel.charge, noise);
-    let fired = borrow(l, pixel, reached, noise, constants.threshold, rules.extra_thresholds);
+    let mut fired = reached;
+    if counts {
+        fired = borrow(l, pixel, reached, noise, constants.threshold, rules.extra_thresholds);
+    } else {
+        pixel.charge = l.sub_where(reached, pixel.charge, l.add(constants.threshold, noise));
+    }
+    if frozen {
+        pixel.held = l.select(fired, fresh, pixel.held);
+    }
+    fired
+}
+
+/// Compares and resets where the noise is in whole steps and the threshold is moved besides, `below` as in [`compare`]: [`compare_words`] in halves, as to join
+/// them to words and to part them again takes more than all that is done with them. The first of `offsets` moves the
+/// threshold, the second, where there is one, only what charge is compared with.
+#[inline(always)]
+pub(super) fn compare_moved<L: Lanes>(
+    l: L,
+    job: &Job<'_>,
+    t: usize,
+    constants: &Constants<L>,
+    (moved, only): (L::Word, Option<L::Word>),
+    below: bool,
+    pixel: &mut Pixels<L>,
+) -> L::Mask {
+    let rules = job.plan.rules();
+    let fresh = match &job.plan.tables().noise {
+        None => l.splat(0),
+        Some(_) => {
+            let z = l.gauss(hash(l, constants.pair_keys, &job.batch.rounds().noise[t].thermal));
+            l.scale(z, constants.noise)
+        }
+    };
+    let frozen = rules.redraw == Redraw::EveryReset;
+    let noise = if frozen { pixel.held } else { fresh };
+    let counts = rules.surplus && !below;
+    if counts {
+        settle(l, pixel, constants.threshold);
+    }
+    let sign = l.splat(i16::MIN);
+    let (whole, part) = halves(l, moved);
+    let (noise, flipped) = (l.add(noise, whole), l.xor(part, sign));
+    // Charge less noise borrows where its fraction is the smaller one.
+    let borrow = l.greater(flipped, pixel.fraction);
+    let lower = match only {
+        None => l.or(l.greater(noise, pixel.charge), l.and(borrow, l.not(l.greater(pixel.charge, noise)))),
+        Some(only) => {
+            let (high, low) = halves(l, l.add_w(l.join(noise, part), only));
+            let less = l.greater(l.xor(low, sign), pixel.fraction);
+            l.or(l.greater(high, pixel.charge), l.and(less, l.not(l.greater(pixel.charge, high))))
+        }
+    };
+    let reached = l.not(lower);
+    let mut fired = reached;
+    if counts {
+        let borrowed = l.and(lower, l.greater(pixel.surplus, l.splat(0)));
+        fired = l.or(reached, borrowed);
+        pixel.surplus = l.sub_where(borrowed, pixel.surplus, l.splat(1));
+    }
+    pixel.charge = l.sub_where(fired, pixel.charge, noise);
+    pixel.charge = l.sub_where(l.and(fired, borrow), pixel.charge, l.splat(1));
+    pixel.charge = l.sub_where(reached, pixel.charge, constants.threshold);
+    pixel.fraction = l.sub_where(fired, pixel.fraction, part);
+    if counts {
+        count_surplus(l, rules.extra_thresholds, reached, constants.threshold, pixel);
+    }
     if frozen {
         pixel.held = l.select(fired, fresh, pixel.held);
     }
@@ -121,7 +193,7 @@ pub(super) fn compare_words<L: Lanes>(
     job: &Job<'_>,
     t: usize,
     constants: &Constants<L>,
-    offsets: Option<(L::Word, L::Word)>,
+    offsets: Option<(L::Word, Option<L::Word>)>,
     pixel: &mut Pixels<L>,
 ) -> L::Mask {
     let (tables, rules) = (job.plan.tables(), job.plan.rules());
@@ -144,7 +216,7 @@ pub(super) fn compare_words<L: Lanes>(
     let mut bar = noise;
     if let Some((moved, only)) = offsets {
         noise = l.add_w(noise, moved);
-        bar = l.add_w(noise, only);
+        bar = only.map_or(noise, |only| l.add_w(noise, only));
     }
     let reached = l.not(l.greater_w(bar, charge));
     let threshold = l.join(constants.threshold, l.splat(0));
@@ -163,11 +235,7 @@ pub(super) fn compare_words<L: Lanes>(
         };
     }
     pixel.set_word(l, l.select_w(fired, reset, charge));
-    for _ in 0..rules.extra_thresholds {
-        let more = l.and(reached, l.not_less(pixel.charge, l.splat(0)));
-        pixel.charge = l.sub_where(more, pixel.charge, constants.threshold);
-        pixel.surplus = l.increment_where(more, pixel.surplus);
-    }
+    count_surplus(l, rules.extra_thresholds, reached, constants.threshold, pixel);
     if frozen {
         pixel.held = l.select(fired, l.high(fresh), pixel.held);
         pixel.held_fraction = l.select(fired, l.low(fresh), pixel.held_fraction);

@@ -1,7 +1,7 @@
 //! One readout of a vector of pixels, in the common cases.
 
 use crate::draws::hash::Round;
-use crate::draws::poisson;
+use crate::draws::{gauss, poisson};
 use crate::kernels::Job;
 use crate::kernels::increment::{Fine, Increment, fixed};
 use crate::kernels::lanes::Lanes;
@@ -101,15 +101,16 @@ pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8>(
     } else {
         l.scale(l.gauss(hash(l, constants.pair_keys, row.thermal)), constants.noise)
     };
-    fire::<L, NOISE, STORE>(l, constants, fresh, pixel)
+    fire::<L, NOISE, STORE, false>(l, constants, fresh, pixel)
 }
 
-/// One readout of two vectors without [`Fine`]; returns the reported bits.
+/// One readout of two vectors without [`Fine`], `EXTRA` where they may lose a share of the first increment after a spike, `SHOT`
+/// where quanta stray; returns the reported bits.
 ///
 /// The draws come first and in step. One hash is a long chain; written one after the other, the CPU looked too
 /// short a way ahead to run two beside each other.
 #[inline(always)]
-pub(super) fn noisy_two<L: Lanes, const NOISE: u8, const STORE: u8>(
+pub(super) fn noisy_two<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA: bool, const SHOT: bool>(
     l: L,
     row: &Row<'_>,
     constants: [&Constants<L>; 2],
@@ -124,20 +125,49 @@ pub(super) fn noisy_two<L: Lanes, const NOISE: u8, const STORE: u8>(
         let [first, second] = l.abreast([l.gauss(first), l.gauss(second)]);
         fresh = [l.scale(first, c.noise), l.scale(second, d.noise)];
     }
-    let [first, second] = hash_two(l, keys, row.shot);
-    let [first, second] = l.abreast([l.gauss(first), l.gauss(second)]);
-    pixel.add(l, increment.high, increment.low, increment.low_flipped);
-    pixel.charge = l.add_saturating(pixel.charge, l.scale(first, increment.multiplier));
-    let fired = fire::<L, NOISE, STORE>(l, c, fresh[0], pixel);
-    more.add(l, other.high, other.low, other.low_flipped);
-    more.charge = l.add_saturating(more.charge, l.scale(second, other.multiplier));
-    [fired, fire::<L, NOISE, STORE>(l, d, fresh[1], more)]
+    let mut shot = [l.splat(0); 2];
+    if SHOT {
+        let [first, second] = hash_two(l, keys, row.shot);
+        shot = l.abreast([l.gauss(first), l.gauss(second)]);
+    }
+    gather::<L, EXTRA, SHOT>(l, c, increment, shot[0], pixel);
+    let fired = fire::<L, NOISE, STORE, EXTRA>(l, c, fresh[0], pixel);
+    gather::<L, EXTRA, SHOT>(l, d, other, shot[1], more);
+    [fired, fire::<L, NOISE, STORE, EXTRA>(l, d, fresh[1], more)]
+}
+
+/// Adds an increment and the noise of its quanta, of which `z` is the draw.
+#[inline(always)]
+fn gather<L: Lanes, const EXTRA: bool, const SHOT: bool>(
+    l: L,
+    constants: &Constants<L>,
+    increment: &Increment<L>,
+    z: L::Half,
+    pixel: &mut Pixels<L>,
+) {
+    let shortened = l.greater(l.splat(0), pixel.fired);
+    if EXTRA {
+        let (high, low) = increment.after_spike;
+        pixel.add_halves(
+            l,
+            (l.select(shortened, high, increment.high), l.select(shortened, low, increment.low)),
+        );
+    } else {
+        pixel.add(l, increment.high, increment.low, increment.low_flipped);
+    }
+    if SHOT {
+        let mut noise = l.scale(z, increment.multiplier);
+        if EXTRA {
+            noise = l.sub_where(shortened, noise, l.scale(noise, constants.lost_share));
+        }
+        pixel.charge = l.add_saturating(pixel.charge, noise);
+    }
 }
 
 /// Bounds the charge, compares it with the threshold, whose noise is `fresh`, and resets who fires; returns the
 /// reported bits.
 #[inline(always)]
-fn fire<L: Lanes, const NOISE: u8, const STORE: u8>(
+fn fire<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA: bool>(
     l: L,
     constants: &Constants<L>,
     fresh: L::Half,
@@ -162,7 +192,31 @@ fn fire<L: Lanes, const NOISE: u8, const STORE: u8>(
     if NOISE == RESET {
         pixel.held = l.select(fired, fresh, pixel.held);
     }
+    if EXTRA {
+        pixel.fired = l.select(fired, l.splat(-1), l.splat(0));
+    }
     fired
+}
+
+/// Whether no pixel can come to hold a second threshold, so that none is counted as surplus: charge that is left below a threshold
+/// which its noise has raised, and the largest increment, less a threshold that noise has lowered, is still below it. `sway` is
+/// the most by which a threshold is off besides, in steps. `docs/fixed-point.md`, "Headroom".
+#[inline(always)]
+pub(super) fn stays_below<L: Lanes>(
+    l: L,
+    constants: &Constants<L>,
+    increment: &Increment<L>,
+    pixels: &Pixels<L>,
+    sway: L::Half,
+) -> bool {
+    let largest = l.splat(gauss::LARGEST);
+    let shot = l.scale(largest, increment.multiplier);
+    let off = l.add_saturating(l.scale(largest, constants.noise), sway);
+    // One is the carry of the fractions.
+    let most = l.add_saturating(l.add_saturating(increment.high, l.splat(1)), shot);
+    let most = l.add_saturating(most, l.add_saturating(off, off));
+    let stored = l.or(l.greater(pixels.surplus, l.splat(0)), l.greater(pixels.charge, off));
+    l.bits(l.or(stored, l.not_less(most, constants.threshold))) == 0
 }
 
 /// Fills charge that a negative current has drained below empty from the surplus, which it belongs to.
@@ -191,12 +245,24 @@ pub(super) fn borrow<L: Lanes>(
     pixel.charge = l.sub_where(fired, pixel.charge, noise);
     pixel.charge = l.sub_where(reached, pixel.charge, threshold);
     pixel.surplus = l.sub_where(borrowed, pixel.surplus, l.splat(1));
+    count_surplus(l, extra, reached, threshold, pixel);
+    fired
+}
+
+/// Counts the whole thresholds, `extra` at most, that pixels which reached theirs hold besides.
+#[inline(always)]
+pub(super) fn count_surplus<L: Lanes>(
+    l: L,
+    extra: u32,
+    reached: L::Mask,
+    threshold: L::Half,
+    pixel: &mut Pixels<L>,
+) {
     for _ in 0..extra {
-        let more = l.and(reached, l.not_less(pixel.charge, zero));
+        let more = l.and(reached, l.not_less(pixel.charge, l.splat(0)));
         pixel.charge = l.sub_where(more, pixel.charge, threshold);
         pixel.surplus = l.increment_where(more, pixel.surplus);
     }
-    fired
 }
 
 /// Counted quanta less their mean, in steps x 65,536; `drawn` holds the counts if that is already done.

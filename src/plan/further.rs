@@ -38,6 +38,8 @@ pub struct Further {
     pub droop: f32,
     /// Thresholds in steps x 65,536.
     pub threshold: Vec<f32>,
+    /// The most by which charge and threshold are off at a readout, in steps; rounded up.
+    pub sway: Vec<i16>,
     /// Row of every pixel; padding belongs to the last.
     pub rows: Vec<u32>,
 }
@@ -148,6 +150,12 @@ pub(super) fn build(laws: &[Law], scale: &Scale, width: usize) -> Option<Further
         }),
         droop: law.droop as f32,
         threshold: pad(laws, 0.0, |law| (whole(law) * FRACTION) as f32),
+        sway: pad(laws, 0, |law| {
+            let given = 4.0 * law.coupling.abs();
+            let most = (law.sway(f64::from(gauss::LARGEST) / gauss::SCALE) + given) * whole(law);
+            // A little more, for what is rounded on the way.
+            (1.001 * most).ceil().min(f64::from(i16::MAX)) as i16
+        }),
         rows: (0..padded).map(|p| (p / width).min(height - 1) as u32).collect(),
     };
     further.is_needed().then_some(further)
@@ -179,6 +187,29 @@ impl Further {
     #[inline]
     pub fn couples(&self) -> bool {
         self.coupling != 0.0 || self.droop != 0.0
+    }
+
+    /// Whether these rules change nothing but the light that a frame gives.
+    #[must_use]
+    #[inline]
+    pub fn only_bends_light(&self) -> bool {
+        let optics = Self {
+            quadratic: 0.0,
+            crosstalk: 0.0,
+            threshold: Vec::new(),
+            sway: Vec::new(),
+            rows: Vec::new(),
+            ..self.clone()
+        };
+        !optics.is_needed()
+    }
+
+    /// Whether the threshold is another one at some readouts.
+    #[must_use]
+    #[inline]
+    pub fn moves_threshold(&self) -> bool {
+        let drawn = self.comparator != 0.0 || self.row_noise != 0.0 || self.slow.is_some();
+        drawn || self.adaptation.is_some() || self.droop != 0.0
     }
 
     /// Whether increments change from readout to readout under the same light.

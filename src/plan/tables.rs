@@ -103,7 +103,13 @@ impl Rules {
     /// Whether any rule beyond quanta, threshold noise, clamp and surplus applies.
     #[must_use]
     pub fn extras(&self) -> bool {
-        self.lost_increment != 0.0 || self.kept_remainder != 1.0 || self.flip.is_some()
+        self.lost_increment != 0.0 || !self.keeps_remainder() || self.flip.is_some()
+    }
+
+    /// Whether resets leave what is beyond the threshold as it is.
+    #[must_use]
+    pub fn keeps_remainder(&self) -> bool {
+        self.kept_remainder == 1.0
     }
 }
 
