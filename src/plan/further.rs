@@ -2,9 +2,8 @@
 
 use crate::draws::gauss;
 use crate::effects::Model;
-use crate::pixel::{Adaptation, Law, Op, Schedule, SlowNoise};
-use crate::plan::scale::Scale;
-use crate::plan::tables::{FRACTION, FULL_SCALE, pad, probability};
+use crate::pixel::{Adaptation, Op, Schedule, SlowNoise};
+use crate::plan::tables::{FRACTION, FULL_SCALE, Rounded, pad, probability};
 
 /// What the general body does besides the common rules. Offsets of the threshold are relative to the
 /// pixel's own; a zero means that there is no such thing.
@@ -115,13 +114,12 @@ impl Losses {
     }
 }
 
-pub(super) fn build(laws: &[Law], scale: &Scale, width: usize) -> Option<Further> {
+pub(super) fn build(laws: &[Rounded<'_>], width: usize) -> Option<Further> {
     // All pixels share these constants; only the amplitude of a switching current is their own.
-    let law = &laws[0];
-    let steps = f64::from(scale.steps);
-    let whole = |law: &Law| (law.threshold * steps).round();
-    let switches = laws.iter().any(|law| law.telegraph.amplitude != 0.0);
-    let amplitude = |law: &Law| (law.telegraph.amplitude * whole(law) / law.threshold * FRACTION) as f32;
+    let law = laws[0].law;
+    let switches = laws.iter().any(|r| r.law.telegraph.amplitude != 0.0);
+    let amplitude =
+        |r: &Rounded<'_>| (r.law.telegraph.amplitude * r.whole / r.law.threshold * FRACTION) as f32;
     let height = laws.len() / width;
     let padded = laws.len().next_multiple_of(crate::plan::LANES);
     let further = Further {
@@ -149,10 +147,10 @@ pub(super) fn build(laws: &[Law], scale: &Scale, width: usize) -> Option<Further
             highest: Adaptation::HIGHEST as f32,
         }),
         droop: law.droop as f32,
-        threshold: pad(laws, 0.0, |law| (whole(law) * FRACTION) as f32),
-        sway: pad(laws, 0, |law| {
-            let given = 4.0 * law.coupling.abs();
-            let most = (law.sway(f64::from(gauss::LARGEST) / gauss::SCALE) + given) * whole(law);
+        threshold: pad(laws, 0.0, |r| (r.whole * FRACTION) as f32),
+        sway: pad(laws, 0, |r| {
+            let given = 4.0 * r.law.coupling.abs();
+            let most = (r.law.sway(f64::from(gauss::LARGEST) / gauss::SCALE) + given) * r.whole;
             // A little more, for what is rounded on the way.
             (1.001 * most).ceil().min(f64::from(i16::MAX)) as i16
         }),

@@ -28,6 +28,7 @@ use crate::draws::hash::Clock;
 use crate::draws::{Seeds, Stream, poisson};
 use crate::effects::{Camera, Model};
 use crate::error::{Error, Kind, Result};
+use crate::pixel::Law;
 use crate::spikes::Geometry;
 
 /// Tables are padded to a multiple of this many pixels.
@@ -133,10 +134,11 @@ impl Plan {
     /// See [`Plan::with_light`].
     pub fn of_model(model: &Model, seeds: Seeds, greatest_light: f64) -> Result<Self> {
         let geometry = model.circuit.geometry;
-        let scale = scale::choose(model, greatest_light)?;
-        let (tables, rules, further) = tables::build(model, &scale, greatest_light)?;
+        let laws: Vec<Law> = (0..model.circuit.pixels()).map(|p| model.law(p)).collect();
+        let scale = scale::choose(model, &laws, greatest_light)?;
+        let (tables, rules, further) = tables::build(model, &laws, &scale, greatest_light);
         let losses = Losses::of(model);
-        let start = state::start(model, seeds, &tables, &rules, further.as_ref(), losses);
+        let start = state::start(model, &laws, seeds, &tables, &rules, further.as_ref(), losses);
         let counts = tables.shot.as_ref().map(|_| &*COUNTS);
         Ok(Self {
             geometry,

@@ -65,7 +65,7 @@ struct Extremes {
 }
 
 impl Extremes {
-    fn of(model: &Model, light: f64) -> Self {
+    fn of(laws: &[Law], light: f64) -> Self {
         let none = Self {
             threshold: 0.0,
             smallest_threshold: f64::INFINITY,
@@ -76,8 +76,7 @@ impl Extremes {
             relative_increment: 0.0,
             sway: 0.0,
         };
-        let laws = (0..model.circuit.pixels()).map(|p| model.law(p));
-        laws.fold(none, |e, law| e.with(&law, light))
+        laws.iter().fold(none, |e, law| e.with(law, light))
     }
 
     fn with(self, law: &Law, light: f64) -> Self {
@@ -100,8 +99,8 @@ impl Extremes {
 }
 
 /// Chooses the scale; `docs/fixed-point.md`, "Headroom", derives each line.
-pub(super) fn choose(model: &Model, light: f64) -> Result<Scale> {
-    let mut e = Extremes::of(model, light);
+pub(super) fn choose(model: &Model, laws: &[Law], light: f64) -> Result<Scale> {
+    let mut e = Extremes::of(laws, light);
     let storage = storage(model, &mut e);
     let reach = f64::from(gauss::LARGEST) / gauss::SCALE;
     let sway = e.sway * e.threshold;

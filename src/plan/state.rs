@@ -4,7 +4,7 @@ use crate::draws::hash::{Clock, half, key};
 use crate::draws::{Seeds, Stream, gauss};
 use crate::effects::Model;
 use crate::error::{Error, Kind, Result};
-use crate::pixel::Redraw;
+use crate::pixel::{Law, Redraw};
 use crate::plan::LANES;
 use crate::plan::further::{Further, Losses};
 use crate::plan::tables::{NoiseTable, Rules, Tables};
@@ -222,14 +222,14 @@ pub(crate) const BEFORE_FIRST: u64 = u64::MAX;
 
 pub(super) fn start(
     model: &Model,
+    laws: &[Law],
     seeds: Seeds,
     tables: &Tables,
     rules: &Rules,
     further: Option<&Further>,
     losses: Losses,
 ) -> State {
-    let pixels = model.circuit.pixels();
-    let padded = pixels.next_multiple_of(LANES);
+    let padded = laws.len().next_multiple_of(LANES);
     let clock = Clock::new(seeds, Stream::named("start_phase"));
     let asks_fired = rules.lost_increment != 0.0 || further.is_some_and(Further::couples);
     let mut state = State {
@@ -239,11 +239,10 @@ pub(super) fn start(
         fired: if asks_fired { vec![0; padded] } else { Vec::new() },
         ..State::default()
     };
-    for p in 0..pixels {
+    for (p, law) in laws.iter().enumerate() {
         let threshold = f64::from(tables.threshold[p]);
         let bits = clock.once(p as u32);
         let unit = |b: u32| f64::from(b) / 4_294_967_296.0;
-        let law = model.law(p);
         let charge = model.start_charge(law.threshold, unit((bits >> 32) as u32), unit(bits as u32));
         let fixed = (charge * threshold / law.threshold * 65_536.0) as i64;
         let mut above = (fixed >> 16) - i64::from(tables.threshold[p]);

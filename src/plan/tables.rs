@@ -2,7 +2,6 @@
 
 use crate::draws::{hash, poisson};
 use crate::effects::Model;
-use crate::error::Result;
 use crate::pixel::{Law, Op, Redraw};
 use crate::plan::LANES;
 use crate::plan::further::{self, Further};
@@ -113,13 +112,29 @@ impl Rules {
     }
 }
 
+/// A pixel's law and its threshold in whole steps.
+pub(super) struct Rounded<'a> {
+    pub law: &'a Law,
+    pub whole: f64,
+    /// Steps per nominal threshold of charge: the pixel's own rounded threshold sets the unit.
+    pub unit: f64,
+}
+
+impl<'a> Rounded<'a> {
+    fn new(law: &'a Law, scale: &Scale) -> Self {
+        let whole = (law.threshold * f64::from(scale.steps)).round();
+        Self { law, whole, unit: whole / law.threshold }
+    }
+}
+
 pub(super) fn build(
     model: &Model,
+    laws: &[Law],
     scale: &Scale,
     greatest_light: f64,
-) -> Result<(Tables, Rules, Option<Further>)> {
-    let laws: Vec<Law> = (0..model.circuit.pixels()).map(|p| model.law(p)).collect();
-    let first = &laws[0];
+) -> (Tables, Rules, Option<Further>) {
+    let laws: Vec<Rounded<'_>> = laws.iter().map(|law| Rounded::new(law, scale)).collect();
+    let first = laws[0].law;
     let flips = first.missed != 0.0 || first.spurious != 0.0;
     let rules = Rules {
         redraw: redraw(model),
@@ -130,7 +145,7 @@ pub(super) fn build(
         lost_remainder: first.lost_remainder as f32,
         flip: flips
             .then(|| Flip { missed: probability(first.missed), spurious: probability(first.spurious) }),
-        clip: laws.iter().any(|law| clips(law, scale, greatest_light)),
+        clip: laws.iter().any(|r| clips(r, greatest_light)),
         greatest_light: (greatest_light * FULL_SCALE) as f32,
     };
     let mut tables = tables(&laws, scale);
@@ -138,8 +153,8 @@ pub(super) fn build(
         // Light has to be cut off first.
         tables.whole_gain.clear();
     }
-    let further = further::build(&laws, scale, model.circuit.geometry.width());
-    Ok((tables, rules, further))
+    let further = further::build(&laws, model.circuit.geometry.width());
+    (tables, rules, further)
 }
 
 /// A probability in units of 2^-32.
@@ -150,8 +165,8 @@ pub(super) fn probability(p: f64) -> u32 {
 /// A margin below the 32,767 steps of the state.
 const SAFE: f64 = 16_000.0;
 
-fn clips(law: &Law, scale: &Scale, greatest_light: f64) -> bool {
-    let unit = (law.threshold * f64::from(scale.steps)).round() / law.threshold;
+fn clips(rounded: &Rounded<'_>, greatest_light: f64) -> bool {
+    let (law, unit) = (rounded.law, rounded.unit);
     let switched = law.telegraph.amplitude.abs();
     let most = (law.gain.abs() * law.brightest(greatest_light) + law.dark.abs() + switched) * unit;
     most > 2.0 * SAFE
@@ -167,26 +182,22 @@ fn redraw(model: &Model) -> Redraw {
     rules.next_back().unwrap_or(Redraw::EveryReset)
 }
 
-fn tables(laws: &[Law], scale: &Scale) -> Tables {
-    let steps = f64::from(scale.steps);
-    let whole = |law: &Law| (law.threshold * steps).round();
-    // Steps per nominal threshold of charge: the pixel's own rounded threshold sets the unit.
-    let unit = |law: &Law| whole(law) / law.threshold;
-    let fixed = |f: fn(&Law) -> f64| pad(laws, 0.0, |law| (f(law) * unit(law) * FRACTION) as f32);
-    let plain = |f: fn(&Law) -> f64| pad(laws, 0.0, |law| f(law) as f32);
-    let ceiling = |law: &Law| {
-        let bound = law.ceiling / law.threshold;
+fn tables(laws: &[Rounded<'_>], scale: &Scale) -> Tables {
+    let fixed = |f: fn(&Law) -> f64| pad(laws, 0.0, |r| (f(r.law) * r.unit * FRACTION) as f32);
+    let plain = |f: fn(&Law) -> f64| pad(laws, 0.0, |r| f(r.law) as f32);
+    let ceiling = |r: &Rounded<'_>| {
+        let bound = r.law.ceiling / r.law.threshold;
         let thresholds = if bound.is_finite() { bound } else { scale.unreached };
-        ((thresholds - 1.0) * whole(law)).round() as i16
+        ((thresholds - 1.0) * r.whole).round() as i16
     };
     let padded = laws.len().next_multiple_of(LANES);
     let keys = |count: usize| (0..count as u32).map(hash::key).collect();
     let gain = fixed(|law| law.gain / FULL_SCALE);
     let whole_gains =
-        gain.iter().all(|g| g % FRACTION as f32 == 0.0) && laws.iter().all(|law| law.dark == 0.0);
+        gain.iter().all(|g| g % FRACTION as f32 == 0.0) && laws.iter().all(|r| r.law.dark == 0.0);
     Tables {
         // A threshold far above a charge that never grows.
-        threshold: pad(laws, 16_000, |law| whole(law) as i16),
+        threshold: pad(laws, 16_000, |r| r.whole as i16),
         pair_keys: keys(padded / 2),
         whole_gain: if whole_gains {
             gain.iter().map(|g| (g / FRACTION as f32) as i16).collect()
@@ -196,18 +207,19 @@ fn tables(laws: &[Law], scale: &Scale) -> Tables {
         gain,
         dark: fixed(|law| law.dark),
         ceiling: if scale.storage == Storage::Clamped { pad(laws, 0, ceiling) } else { Vec::new() },
-        shot: laws.iter().any(|law| law.quantum > 0.0).then(|| Shot {
+        shot: laws.iter().any(|r| r.law.quantum > 0.0).then(|| Shot {
             keys: keys(padded),
             light: plain(|law| law.quanta_light / FULL_SCALE),
             dark: plain(|law| law.quanta_dark),
             quantum: fixed(|law| law.quantum),
-            whole_from: pad(laws, f32::INFINITY, |law| whole_from(law, unit(law))),
-            slope: pad(laws, 0.0, |law| (law.quanta_light / FULL_SCALE * variance(law, unit(law))) as f32),
-            offset: pad(laws, 0.0, |law| {
-                (law.quanta_dark * variance(law, unit(law)) - multiplier_per_step().powi(2) / 12.0) as f32
+            whole_from: pad(laws, f32::INFINITY, |r| whole_from(r.law, r.unit)),
+            slope: pad(laws, 0.0, |r| (r.law.quanta_light / FULL_SCALE * variance(r.law, r.unit)) as f32),
+            offset: pad(laws, 0.0, |r| {
+                let rounding = multiplier_per_step().powi(2) / 12.0;
+                (r.law.quanta_dark * variance(r.law, r.unit) - rounding) as f32
             }),
         }),
-        noise: noise_table(laws, |law| law.noise * unit(law)),
+        noise: noise_table(laws, |r| r.law.noise * r.unit),
     }
 }
 
@@ -225,20 +237,20 @@ fn whole_from(law: &Law, unit: f64) -> f32 {
 }
 
 /// Rounding to whole steps adds a variance of 1/12, which is taken off beforehand (Sheppard).
-fn noise_table(laws: &[Law], deviation: impl Fn(&Law) -> f64) -> Option<NoiseTable> {
+fn noise_table(laws: &[Rounded<'_>], deviation: impl Fn(&Rounded<'_>) -> f64) -> Option<NoiseTable> {
     let deviations = || laws.iter().map(&deviation);
     if deviations().all(|d| d == 0.0) {
         return None;
     }
     if deviations().all(|d| d == 0.0 || d >= WHOLE_STEPS) {
         let multiplier = |d: f64| ((d * d - 1.0 / 12.0).max(0.0).sqrt() * multiplier_per_step()).round();
-        return Some(NoiseTable::Whole(pad(laws, 0, |law| multiplier(deviation(law)) as i16)));
+        return Some(NoiseTable::Whole(pad(laws, 0, |r| multiplier(deviation(r)) as i16)));
     }
     let per_unit = FRACTION / crate::draws::gauss::SCALE;
-    Some(NoiseTable::Fine(pad(laws, 0.0, |law| (deviation(law) * per_unit) as f32)))
+    Some(NoiseTable::Fine(pad(laws, 0.0, |r| (deviation(r) * per_unit) as f32)))
 }
 
-pub(super) fn pad<T: Clone>(laws: &[Law], filler: T, value: impl Fn(&Law) -> T) -> Vec<T> {
+pub(super) fn pad<T: Clone>(laws: &[Rounded<'_>], filler: T, value: impl Fn(&Rounded<'_>) -> T) -> Vec<T> {
     let mut table: Vec<T> = laws.iter().map(value).collect();
     table.resize(laws.len().next_multiple_of(LANES), filler);
     table
