@@ -1,5 +1,7 @@
 //! What a set holds, free of files; reading it, and simulating it.
 
+use std::borrow::Cow;
+
 use rayon::prelude::*;
 
 use super::extent::{Extent, Part, cut};
@@ -9,8 +11,9 @@ use super::still::{self, Still};
 use super::vector::{Statistic, Vector, vector};
 use crate::calibrate::{Light, Recording, RecordingSet, Scene as Pattern};
 use crate::draws::Seeds;
-use crate::effects::Camera;
+use crate::effects::{Camera, Model};
 use crate::error::{Error, Kind, Result};
+use crate::pixel::Op;
 use crate::plan::Plan;
 use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::{Geometry, Packed};
@@ -162,7 +165,16 @@ impl Setup {
 
     /// Scans of the set as `sample` would give it.
     pub(super) fn simulate(&self, sample: &Sample, seed: u64) -> Result<Vec<Scan>> {
-        (0..self.scenes.len()).into_par_iter().map(|k| self.scene(sample, k, seed)).collect()
+        let scenes = (0..self.scenes.len()).into_par_iter();
+        if self.only_still() {
+            return scenes.map(|k| self.scene(sample, k, seed)).collect();
+        }
+        let model = self.model(sample, seed)?;
+        let scene = |k: usize| match self.scenes[k].still {
+            Some(_) => self.scene(sample, k, seed),
+            None => scan_of(self.geometry, &self.bits_of(&model, sample, k, seed)?, &self.scenes[k]),
+        };
+        scenes.map(scene).collect()
     }
 
     pub(super) fn values(&self, sample: &Sample, seed: u64) -> Result<Vec<f64>> {
@@ -186,12 +198,21 @@ impl Setup {
         camera
     }
 
+    /// The camera with its fixed pattern drawn: the same for all recordings, and a good part of the work of planning one.
+    fn model(&self, sample: &Sample, seed: u64) -> Result<Model> {
+        self.sized(&sample.camera).model(seeds(seed, 0))
+    }
+
     /// The bits of one recording of the simulated set.
     pub(super) fn bits(&self, sample: &Sample, k: usize, seed: u64) -> Result<Vec<u8>> {
+        self.bits_of(&self.model(sample, seed)?, sample, k, seed)
+    }
+
+    fn bits_of(&self, model: &Model, sample: &Sample, k: usize, seed: u64) -> Result<Vec<u8>> {
         let scene = &self.scenes[k];
         let lamp = sample.lamps[k];
-        let (camera, seeds) = (in_any_phase(self.sized(&sample.camera), seed, k)?, seeds(seed, k));
-        let plan = Plan::with_light(&camera, seeds, (scene.greatest() * lamp).max(0.01))?;
+        let model = in_any_phase(model, seed, k);
+        let plan = Plan::of_model(&model, seeds(seed, k), (scene.greatest() * lamp).max(0.01))?;
         let mut simulator = Simulator::of_plan(plan);
         let (bytes, width) = (self.geometry.frame_bytes(), self.geometry.width());
         let total = scene.skip + scene.readouts;
@@ -217,12 +238,20 @@ impl Setup {
 
 /// A recording begins anywhere in a flicker's swing: with one phase for all, slow flicker would have to move a
 /// square wave's response as it does at that phase.
-fn in_any_phase(camera: Camera, seed: u64, k: usize) -> Result<Camera> {
-    let Some(flicker) = camera.effect("flicker").filter(|e| !e.is_neutral()) else { return Ok(camera) };
+fn in_any_phase(model: &Model, seed: u64, k: usize) -> Cow<'_, Model> {
+    let is_flicker = |op: &Op| matches!(op, Op::Flicker { depth, .. } if *depth != 0.0);
+    if !model.ops.iter().any(is_flicker) {
+        return Cow::Borrowed(model);
+    }
     // Fractions of the golden ratio's and of the plastic number's multiples spread evenly.
     let phase = (0.618_034 * (seed % 1_000_003) as f64 + 0.754_878 * k as f64).fract();
-    let turned = flicker.clone().with("phase", phase)?;
-    Ok(camera.with(turned))
+    let mut turned = model.clone();
+    for op in &mut turned.ops {
+        if let Op::Flicker { phase_turns, .. } = op {
+            *phase_turns = phase;
+        }
+    }
+    Cow::Owned(turned)
 }
 
 fn seeds(seed: u64, k: usize) -> Seeds {
