@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 use serde_json::Value;
 
 /// What decides on whether anything is wrong, how strong an effect can be named, and what makes the sensors.
-const SOURCES: [&str; 35] = [
+const SOURCES: [&str; 36] = [
     include_str!("../../src/diagnose/alarm.rs"),
     include_str!("../../src/diagnose/bits.rs"),
     include_str!("../../src/diagnose/candidates.rs"),
@@ -20,6 +20,7 @@ const SOURCES: [&str; 35] = [
     include_str!("../../src/diagnose/events.rs"),
     include_str!("../../src/diagnose/extent.rs"),
     include_str!("../../src/diagnose/fit.rs"),
+    include_str!("../../src/diagnose/intervals.rs"),
     include_str!("../../src/diagnose/limits.rs"),
     include_str!("../../src/diagnose/lines.rs"),
     include_str!("../../src/diagnose/maps.rs"),

@@ -17,6 +17,9 @@ pub(super) struct PixelBits {
     data: Vec<u64>,
 }
 
+/// Groups of 64 pixels that are turned together: a cache line of every frame holds as many.
+const GROUPS: usize = 8;
+
 impl PixelBits {
     pub fn new(frames: Packed<'_>) -> Self {
         let geometry = frames.geometry();
@@ -24,10 +27,10 @@ impl PixelBits {
         let words = readouts.div_ceil(64);
         let groups = geometry.pixels().div_ceil(64);
         let mut data = vec![0; groups * 64 * words];
-        let turn = |(g, pixels): (usize, &mut [u64])| {
-            counting_with(Turning { frames, group: g, words, pixels });
+        let turn = |(i, pixels): (usize, &mut [u64])| {
+            counting_with(Turning { frames, first: i * GROUPS, words, pixels });
         };
-        data.par_chunks_exact_mut(64 * words.max(1)).enumerate().for_each(turn);
+        data.par_chunks_mut(GROUPS * 64 * words.max(1)).enumerate().for_each(turn);
         Self { geometry, readouts, words, data }
     }
 
@@ -36,10 +39,10 @@ impl PixelBits {
     }
 }
 
-/// The bits of the `group`th 64 pixels, on their way to `words` words of each.
+/// The bits of some groups of 64 pixels from the `first` on, on their way to `words` words of each.
 struct Turning<'a> {
     frames: Packed<'a>,
-    group: usize,
+    first: usize,
     words: usize,
     pixels: &'a mut [u64],
 }
@@ -49,20 +52,20 @@ impl Work for Turning<'_> {
 
     #[inline(always)]
     fn run<S: Shorts, B: Bits>(self, _: S, b: B) {
-        let (readouts, bytes) = (self.frames.readouts(), self.frames.geometry().frame_bytes());
+        let bytes = self.frames.geometry().frame_bytes();
         let mut block = [0u64; 64];
-        for w in 0..self.words {
-            for (i, word) in block.iter_mut().enumerate() {
-                let t = w * 64 + i;
-                *word = if t < readouts {
-                    word_at(&self.frames.bytes()[t * bytes..(t + 1) * bytes], self.group * 8)
-                } else {
-                    0
-                };
-            }
-            b.transpose(&mut block);
-            for (i, word) in block.iter().enumerate() {
-                self.pixels[i * self.words + w] = *word;
+        for (w, frames) in self.frames.bytes().chunks(64 * bytes).enumerate() {
+            for (group, pixels) in self.pixels.chunks_exact_mut(64 * self.words).enumerate() {
+                let at = 8 * (self.first + group);
+                // Behind the last readout there is nothing.
+                block[frames.len() / bytes..].fill(0);
+                for (word, frame) in block.iter_mut().zip(frames.chunks_exact(bytes)) {
+                    *word = word_at(frame, at);
+                }
+                b.transpose(&mut block);
+                for (pixel, word) in pixels.chunks_exact_mut(self.words).zip(&block) {
+                    pixel[w] = *word;
+                }
             }
         }
     }
@@ -82,38 +85,45 @@ pub(super) fn word_at(bytes: &[u8], at: usize) -> u64 {
 
 /// Spikes in blocks of time that end at `ends`, which rise.
 #[inline(always)]
-pub(super) fn count_blocks<const N: usize>(words: &[u64], ends: [usize; N]) -> [u32; N] {
+pub(super) fn count_blocks<const N: usize>(words: &[u64], ends: &[usize; N]) -> [u32; N] {
     let (mut word, mut before, mut total) = (0, 0, 0);
-    ends.map(|end| {
+    let mut counts = [0; N];
+    // No `map`: its closure would be a call, without the instruction that counts.
+    for (count, end) in counts.iter_mut().zip(ends) {
         while word < end / 64 {
             total += words[word].count_ones();
             word += 1;
         }
         let rest = if end % 64 == 0 { 0 } else { (words[word] & ((1 << (end % 64)) - 1)).count_ones() };
-        let now = total + rest;
-        now - std::mem::replace(&mut before, now)
-    })
+        *count = total + rest - before;
+        before = total + rest;
+    }
+    counts
 }
 
 /// Spikes in a stretch of time.
 #[inline(always)]
 pub(super) fn count_between(words: &[u64], from: usize, to: usize) -> u32 {
-    count_blocks(words, [from, to])[1]
+    count_blocks(words, &[from, to])[1]
 }
 
-/// Readouts at which both pixels fired, the second `lag` (0 or 1) readouts later.
+/// Readouts at which both pixels fired, and at which one fired a readout after the other.
 #[inline(always)]
-pub(super) fn coincidences(first: &[u64], second: &[u64], lag: usize) -> u32 {
-    if lag == 0 {
-        return first.iter().zip(second).map(|(a, b)| (a & b).count_ones()).sum();
+pub(super) fn coincidences(a: &[u64], b: &[u64]) -> [u64; 2] {
+    let n = a.len().min(b.len());
+    let (a, b) = (&a[..n], &b[..n]);
+    let both = |a: u64, b: u64| u64::from((a & b).count_ones());
+    let (mut same, mut late) = (0, 0);
+    if let ([a, ..], [b, ..]) = (a, b) {
+        same += both(*a, *b);
+        late += both(a << 1, *b) + both(b << 1, *a);
     }
-    let mut carried = 0;
-    let mut total = 0;
-    for (a, b) in first.iter().zip(second) {
-        total += ((a << 1 | carried) & b).count_ones();
-        carried = a >> 63;
+    // Bits come from the word before, not from one sum to the next: eight words are taken at once then.
+    for i in 1..n {
+        same += both(a[i], b[i]);
+        late += both(a[i] << 1 | a[i - 1] >> 63, b[i]) + both(b[i] << 1 | b[i - 1] >> 63, a[i]);
     }
-    total
+    [same, late]
 }
 
 #[cfg(test)]
@@ -138,6 +148,6 @@ mod tests {
         }
         let early =
             |p: usize| bytes.chunks_exact(geometry.frame_bytes()).take(70).filter(|f| bit(f, p)).count();
-        assert!((0..143).all(|p| count_blocks(turned.pixel(p), [70])[0] as usize == early(p)));
+        assert!((0..143).all(|p| count_blocks(turned.pixel(p), &[70])[0] as usize == early(p)));
     }
 }

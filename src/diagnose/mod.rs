@@ -22,6 +22,7 @@ mod extent;
 mod faint;
 mod fit;
 mod interval;
+mod intervals;
 mod likelihood;
 mod limits;
 mod lines;

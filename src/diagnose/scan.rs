@@ -1,11 +1,14 @@
 //! One pass over a recording: what every statistic needs of it, per pixel and per readout.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::bits::{PixelBits, count_between, count_blocks};
-use super::together::{changes, neighbours, row_halves, totals};
+use super::intervals::{bright, intervals, times};
+use super::together::{neighbours, row_halves, totals};
 use super::wave::{Stretch, stretches};
-use crate::kernels::counting;
+use crate::kernels::{Bits, ROOM, SLACK, Shorts, Work, counting_with};
 use crate::spikes::{Geometry, Packed};
 
 /// Blocks of time whose counts are compared.
@@ -16,9 +19,6 @@ const BANDS: usize = 8;
 
 /// Lags of the phase variance, in intervals.
 pub(super) const LAGS: [usize; 3] = [1, 4, 16];
-
-/// Longest interval with a mask of its own in bright light.
-const LONGEST: usize = 8;
 
 /// What a scene makes worth looking at.
 #[derive(Clone, Copy, Debug, Default)]
@@ -69,7 +69,7 @@ pub(super) struct Scan {
     /// Coincidences of neighbours over their chance less one: beside and below at lag 0, then at lag 1.
     pub neighbours: [f64; 4],
     /// Sum of the deviations of intervals that end at a readout, in readouts, and their number.
-    pub deviations: Vec<[f64; 2]>,
+    pub deviations: Deviations,
     /// The stretches between the steps of a square wave.
     pub stretches: Vec<Stretch>,
     /// Relative difference of pixels side by side; of still scenes only.
@@ -78,8 +78,7 @@ pub(super) struct Scan {
 
 /// Scans packed frames for what `look` asks.
 pub(super) fn scan(frames: Packed<'_>, look: Look) -> Scan {
-    let dim = look.dim;
-    let totals = totals(frames);
+    let [totals, changes] = totals(frames);
     let stretches = look.half_period.map_or_else(Vec::new, |half| stretches(&totals, half));
     let dark: Vec<_> = dark_windows(&stretches).collect();
     let bits = PixelBits::new(frames);
@@ -87,30 +86,20 @@ pub(super) fn scan(frames: Packed<'_>, look: Look) -> Scan {
     let n = geometry.pixels();
     let rows = n.div_ceil(BANDS);
     let of_band = |band: usize| {
-        let mut deviations = vec![[0.0; 2]; if dim { bits.readouts } else { 0 }];
-        let mut times = Vec::new();
-        let mut pixels = Vec::with_capacity(rows);
-        counting(
-            #[inline(always)]
-            || {
-                for p in band * rows..((band + 1) * rows).min(n) {
-                    pixels.push(pixel(&bits, p, dim, &dark, &mut times, &mut deviations));
-                }
-            },
-        );
-        (pixels, deviations)
+        let pixels = (band * rows).min(n)..((band + 1) * rows).min(n);
+        counting_with(Band { bits: &bits, pixels, dim: look.dim, dark: &dark })
     };
-    let parts: Vec<(Vec<PixelScan>, Vec<[f64; 2]>)> = (0..BANDS).into_par_iter().map(of_band).collect();
+    let parts: Vec<(Vec<PixelScan>, Deviations)> = (0..BANDS).into_par_iter().map(of_band).collect();
     let mut pixels = Vec::with_capacity(n);
-    let mut deviations = vec![[0.0; 2]; if dim { bits.readouts } else { 0 }];
+    let mut deviations = vec![[0.0; 2]; if look.dim { bits.readouts } else { 0 }];
     for (part, more) in parts {
         pixels.extend(part);
         deviations.iter_mut().zip(more).for_each(|(a, b)| *a = [a[0] + b[0], a[1] + b[1]]);
     }
     Scan {
         geometry,
-        changes: changes(frames),
-        row_halves: if look.rows { row_halves(frames) } else { 0.0 },
+        changes,
+        row_halves: if look.rows { row_halves(&bits) } else { 0.0 },
         neighbours: neighbours(&bits, &pixels),
         pixels,
         totals,
@@ -120,120 +109,66 @@ pub(super) fn scan(frames: Packed<'_>, look: Look) -> Scan {
     }
 }
 
-#[inline(always)]
-fn pixel(
-    bits: &PixelBits,
-    p: usize,
+/// See [`Scan::deviations`].
+pub(super) type Deviations = Vec<[f64; 2]>;
+
+/// Some of the pixels, which are looked at one after the other.
+struct Band<'a> {
+    bits: &'a PixelBits,
+    pixels: Range<usize>,
     dim: bool,
-    dark: &[(usize, usize)],
-    times: &mut Vec<u32>,
-    deviations: &mut [[f64; 2]],
-) -> PixelScan {
-    let words = bits.pixel(p);
-    let mut scan = PixelScan::default();
-    scan.blocks = count_blocks(words, std::array::from_fn(|b| (b + 1) * bits.readouts / BLOCKS));
-    scan.count = scan.blocks.iter().sum();
-    scan.after_falls = dark.iter().map(|(from, to)| count_between(words, *from, *to)).sum();
+    dark: &'a [(usize, usize)],
+}
+
+impl Work for Band<'_> {
+    type Out = (Vec<PixelScan>, Deviations);
+
+    #[inline(always)]
+    fn run<S: Shorts, B: Bits>(self, _: S, b: B) -> Self::Out {
+        let readouts = self.bits.readouts;
+        let mut deviations = vec![[0.0; 2]; if self.dim { readouts } else { 0 }];
+        let (mut places, mut all) = ([0; ROOM + SLACK], Vec::new());
+        let ends: [usize; BLOCKS] = std::array::from_fn(|b| (b + 1) * readouts / BLOCKS);
+        let mut pixels = Vec::with_capacity(self.pixels.len());
+        for p in self.pixels {
+            let words = self.bits.pixel(p);
+            let mut scan = counts(words, readouts, &ends, self.dark);
+            if scan.count >= 4 {
+                let mean = scan.rate.recip();
+                if self.dim {
+                    let times = times(b, words, scan.count as usize, &mut places, &mut all);
+                    intervals(times, mean, &mut scan, &mut deviations);
+                } else {
+                    bright(words, mean, &mut scan);
+                }
+            }
+            pixels.push(scan);
+        }
+        (pixels, deviations)
+    }
+}
+
+/// Counts of a pixel's spikes, and its rate.
+#[inline(always)]
+fn counts(words: &[u64], readouts: usize, ends: &[usize; BLOCKS], dark: &[(usize, usize)]) -> PixelScan {
+    let blocks = count_blocks(words, ends);
+    let mut scan = PixelScan { blocks, count: blocks.iter().sum(), ..PixelScan::default() };
+    for (from, to) in dark {
+        scan.after_falls += count_between(words, *from, *to);
+    }
     let Some(first) = words.iter().position(|w| *w != 0) else { return scan };
     let last = words.iter().rposition(|w| *w != 0).unwrap_or(first);
     let start = first * 64 + words[first].trailing_zeros() as usize;
     let end = last * 64 + 63 - words[last].leading_zeros() as usize;
     scan.rate = if scan.count < 3 {
-        f64::from(scan.count) / bits.readouts as f64
+        f64::from(scan.count) / readouts as f64
     } else {
         f64::from(scan.count - 1) / (end - start) as f64
     };
-    if scan.count < 4 {
-        return scan;
-    }
-    let mean = scan.rate.recip();
-    if dim {
-        times.clear();
-        for (w, word) in words.iter().enumerate() {
-            let mut rest = *word;
-            while rest != 0 {
-                times.push((w * 64) as u32 + rest.trailing_zeros());
-                rest &= rest - 1;
-            }
-        }
-        intervals(times, mean, &mut scan, deviations);
-    } else {
-        bright(words, mean, &mut scan);
-    }
     scan
 }
 
 /// The settled part of each dark stretch of a square wave.
 pub(super) fn dark_windows(stretches: &[Stretch]) -> impl Iterator<Item = (usize, usize)> {
     stretches.iter().filter(|s| !s.bright).map(|s| (s.from + SETTLED, s.to))
-}
-
-/// Every interval of a dim pixel.
-#[inline(always)]
-fn intervals(times: &[u32], mean: f64, scan: &mut PixelScan, deviations: &mut [[f64; 2]]) {
-    let square = scan.rate * scan.rate;
-    // A spike too many or too few must not drown the noise of all others; it is counted below.
-    let widest = 3.0 + 0.06 * mean;
-    for (k, lag) in LAGS.into_iter().enumerate() {
-        let expected = lag as f64 * mean;
-        // An integrator without noise: the lag falls on the whole numbers about its mean.
-        let part = expected.fract();
-        let lattice = part * (1.0 - part);
-        let pairs = times.len().saturating_sub(lag);
-        let ends = &times[times.len() - pairs..];
-        let off = |end: u32, start: u32| {
-            let off = (f64::from(end - start) - expected).clamp(-widest, widest);
-            off * off
-        };
-        // Eight sums side by side: one would wait for its own last addition.
-        let mut sums = [0.0; 8];
-        let (wide, rest) = ends.as_chunks::<8>();
-        for (e, s) in wide.iter().zip(times.as_chunks::<8>().0) {
-            (0..8).for_each(|i| sums[i] += off(e[i], s[i]));
-        }
-        let tail = &times[wide.len() * 8..];
-        sums[0] += rest.iter().zip(tail).map(|(e, s)| off(*e, *s)).sum::<f64>();
-        scan.variance[k] += square * (sums.iter().sum::<f64>() - pairs as f64 * lattice);
-        scan.terms[k] += pairs as f64;
-    }
-    let (low, high) = (mean.floor() as u32, mean.ceil() as u32);
-    let margin = 1 + (0.03 * mean) as u32;
-    let mut past = [0.0; 2];
-    for pair in times.windows(2) {
-        let length = pair[1] - pair[0];
-        let off = f64::from(length) - mean;
-        let usual = off.clamp(-widest, widest);
-        scan.covariance[0] += square * usual * past[0];
-        scan.covariance[1] += square * usual * past[1];
-        past = [usual, past[0]];
-        scan.off_lattice[0] += u32::from(length + margin < low);
-        scan.off_lattice[1] += u32::from(length > high + margin);
-        let ends = &mut deviations[pair[1] as usize];
-        *ends = [ends[0] + off, ends[1] + 1.0];
-    }
-}
-
-/// Lengths of a bright pixel's intervals by shifted words.
-#[inline(always)]
-fn bright(words: &[u64], mean: f64, scan: &mut PixelScan) {
-    let (low, high) = (mean.floor() as usize, mean.ceil() as usize);
-    if high > LONGEST {
-        return;
-    }
-    let mut shorter = 0;
-    let mut within = 0;
-    for w in 0..words.len() {
-        let next = words.get(w + 1).copied().unwrap_or(0);
-        let mut open = words[w];
-        for length in 1..=high {
-            let hit = open & (words[w] >> length | next << (64 - length));
-            open &= !hit;
-            if length < low {
-                shorter += hit.count_ones();
-            } else {
-                within += hit.count_ones();
-            }
-        }
-    }
-    scan.off_lattice = [shorter, (scan.count - 1).saturating_sub(within + shorter)];
 }
