@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 use serde_json::Value;
 
 /// What decides on whether anything is wrong, how strong an effect can be named, and what makes the sensors.
-const SOURCES: [&str; 36] = [
+const SOURCES: [&str; 37] = [
     include_str!("../../src/diagnose/alarm.rs"),
     include_str!("../../src/diagnose/bits.rs"),
     include_str!("../../src/diagnose/candidates.rs"),
@@ -36,6 +36,7 @@ const SOURCES: [&str; 36] = [
     include_str!("../../src/diagnose/run.rs"),
     include_str!("../../src/diagnose/scan.rs"),
     include_str!("../../src/diagnose/setup.rs"),
+    include_str!("../../src/diagnose/spectra.rs"),
     include_str!("../../src/diagnose/spread.rs"),
     include_str!("../../src/diagnose/still.rs"),
     include_str!("../../src/diagnose/time.rs"),

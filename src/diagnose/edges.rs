@@ -1,7 +1,7 @@
 //! What happens after a step of the light, and beside one.
 
 use super::lines::Lines;
-use super::maps::slope;
+use super::maps::Map;
 use super::recorded::Scene;
 use super::scan::{STEADY, Scan, dark_windows};
 use super::spread::Spread;
@@ -46,7 +46,14 @@ pub(super) fn steps(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
 }
 
 /// Whether what is left after a fall follows a pixel's gain, as late light does, or its dark current.
-pub(super) fn after_falls(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene, lines: &Lines) {
+pub(super) fn after_falls(
+    v: &mut Vector,
+    k: usize,
+    scan: &Scan,
+    scene: &Scene,
+    lines: &Lines,
+    [gain, dark]: [&Map<'_>; 2],
+) {
     let Light::Scene(Pattern::Square { low, .. }) = scene.light else { return };
     if scene.half_period().is_none() {
         return;
@@ -57,8 +64,9 @@ pub(super) fn after_falls(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene, 
         if expected > 0.0 { f64::from(scan.pixels[p].after_falls) / expected - 1.0 } else { f64::NAN }
     };
     let excess: Vec<f64> = (0..scan.pixels.len()).map(excess).collect();
-    v.push(k, "after a fall, by gain", 1e3 * slope(&lines.gain, &excess), 0.05);
-    v.push(k, "after a fall, by dark current", 1e3 * slope(&lines.dark, &excess), 0.05);
+    let spread = Spread::of(&excess);
+    v.push(k, "after a fall, by gain", 1e3 * gain.slope(&excess, &spread), 0.05);
+    v.push(k, "after a fall, by dark current", 1e3 * dark.slope(&excess, &spread), 0.05);
 }
 
 /// Pixels at the border of a square and inside of it, against what their lines promise.

@@ -37,8 +37,9 @@ pub(super) fn lines(setup: &Setup, scans: &[Scan]) -> Option<Lines> {
     }
     let n = scans[0].pixels.len();
     let mut fitted = Lines { gain: vec![0.0; n], dark: vec![0.0; n], residuals: Vec::new() };
+    let weighed: Vec<(usize, f64, f64)> = levels.iter().map(|(k, l)| (*k, *l, scale(*l).powi(-2))).collect();
     for p in 0..n {
-        (fitted.gain[p], fitted.dark[p]) = line(&levels, |k| scans[k].pixels[p].rate);
+        (fitted.gain[p], fitted.dark[p]) = line(&weighed, |k| scans[k].pixels[p].rate);
     }
     for (k, light) in &levels {
         let off = |p: usize| {
@@ -57,14 +58,14 @@ pub(super) fn lines(setup: &Setup, scans: &[Scan]) -> Option<Lines> {
     Some(fitted)
 }
 
-fn line(levels: &[(usize, f64)], rate: impl Fn(usize) -> f64) -> (f64, f64) {
+/// The line over levels, each with its weight.
+fn line(levels: &[(usize, f64, f64)], rate: impl Fn(usize) -> f64) -> (f64, f64) {
     let (mut s0, mut s1, mut s2, mut y0, mut y1) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for (k, light) in levels {
+    for (k, light, w) in levels {
         let f = rate(*k);
         if f > SATURATED {
             continue;
         }
-        let w = scale(*light).powi(-2);
         s0 += w;
         s1 += w * light;
         s2 += w * light * light;

@@ -1,8 +1,6 @@
 //! Statistics of maps: of gain and dark current, or of an unknown scene.
 
-use realfft::RealFftPlanner;
-
-use super::lines::Lines;
+use super::spectra::transforms;
 use super::spread::Spread;
 use super::vector::{Vector, counted, ln};
 
@@ -54,23 +52,44 @@ macro_rules! names {
 const GAIN: Names = names!("gain");
 const DARK: Names = names!("dark current");
 
-pub(super) fn of_lines(v: &mut Vector, lines: &Lines, width: usize) {
-    let gain = map(v, &GAIN, &lines.gain, width);
-    let dark = map(v, &DARK, &lines.dark, width);
-    let n = gain.len() as f64;
-    let both = gain.iter().zip(&dark).map(|(a, b)| a * b).sum::<f64>() / n;
+/// A map with its order statistics.
+pub(super) struct Map<'a> {
+    values: &'a [f64],
+    spread: Spread,
+    /// Deviations from the median in robust standard deviations, cut at [`FAR`].
+    z: Vec<f64>,
+}
+
+impl<'a> Map<'a> {
+    pub fn new(values: &'a [f64]) -> Self {
+        let spread = Spread::of(values);
+        let (centre, scale) = (spread.median(), spread.sd());
+        let z = values.iter().map(|x| ((x - centre) / scale).clamp(-FAR, FAR)).collect();
+        Self { values, spread, z }
+    }
+
+    /// Slope of `values`, which are spread like `other`, over the deviations of this map from its median, both without outliers.
+    pub fn slope(&self, values: &[f64], other: &Spread) -> f64 {
+        let (mut xy, mut xx) = (0.0, 0.0);
+        for (x, y) in self.z.iter().zip(values).filter(|(_, y)| y.is_finite()) {
+            let y = (y - other.median()).clamp(-FAR * other.sd(), FAR * other.sd());
+            xy += x * y;
+            xx += x * x;
+        }
+        if xx > 0.0 { xy / xx * self.spread.sd() / self.spread.median().abs().max(1e-9) } else { 0.0 }
+    }
+}
+
+pub(super) fn of_lines(v: &mut Vector, gain: &Map<'_>, dark: &Map<'_>, width: usize) {
+    map(v, &GAIN, gain, width);
+    map(v, &DARK, dark, width);
+    let n = gain.z.len() as f64;
+    let both = gain.z.iter().zip(&dark.z).map(|(a, b)| a * b).sum::<f64>() / n;
     v.push(None, "gain and dark current together", both, 1e-3);
 }
 
-/// Deviations from the median in robust standard deviations, cut at [`FAR`].
-fn standard(map: &[f64], spread: &Spread) -> Vec<f64> {
-    let (centre, scale) = (spread.median(), spread.sd());
-    map.iter().map(|x| ((x - centre) / scale).clamp(-FAR, FAR)).collect()
-}
-
-fn map(v: &mut Vector, names: &Names, map: &[f64], width: usize) -> Vec<f64> {
-    let spread = Spread::of(map);
-    let z = standard(map, &spread);
+fn map(v: &mut Vector, names: &Names, map: &Map<'_>, width: usize) {
+    let Map { values: map, spread, z } = map;
     let n = map.len() as f64;
     let height = map.len() / width;
     let limit = FAR * spread.sd();
@@ -107,7 +126,7 @@ fn map(v: &mut Vector, names: &Names, map: &[f64], width: usize) -> Vec<f64> {
         (ln(largest(&rows_off) * (width as f64).sqrt()), 5e-3),
     ]);
     for (down, right) in [(0, 1), (1, 0), (1, 1), (1, -1), (0, 4)] {
-        values.push((product(&z, width, down, right) / total, 1e-3));
+        values.push((product(z, width, down, right) / total, 1e-3));
     }
     let at = |p: usize| {
         let (y, x) =
@@ -120,11 +139,10 @@ fn map(v: &mut Vector, names: &Names, map: &[f64], width: usize) -> Vec<f64> {
         values.push((sum / square, 2e-3));
     }
     values.extend([columns[0], columns[width - 1], rows[0], rows[height - 1]].map(|line| (line, 2e-3)));
-    values.push((ln(peak(&z, width)), 1e-2));
+    values.push((ln(peak(z, width)), 1e-2));
     for (name, (value, floor)) in names.0.iter().zip(values) {
         v.push(None, name, value, floor);
     }
-    z
 }
 
 /// Numbers that [`level`] fits.
@@ -178,8 +196,7 @@ fn product(z: &[f64], width: usize, down: usize, right: isize) -> f64 {
 /// two of them loses a third of its power at most, where it would lose five sixths.
 fn peak(z: &[f64], width: usize) -> f64 {
     let (across, down) = (2 * width, 2 * (z.len() / width));
-    let mut planner = RealFftPlanner::<f64>::new();
-    let (rows, columns) = (planner.plan_fft_forward(across), planner.plan_fft_forward(down));
+    let [rows, columns] = transforms([across, down]);
     let half = across / 2 + 1;
     let mut parts = [vec![0.0; half * down], vec![0.0; half * down]];
     for (row, line) in z.chunks_exact(width).enumerate() {
@@ -211,20 +228,6 @@ fn peak(z: &[f64], width: usize) -> f64 {
         }
     }
     highest * count / f64::max(sum, 1e-12)
-}
-
-/// Slope of `values` over the deviations of `map` from its median, both without outliers.
-pub(super) fn slope(map: &[f64], values: &[f64]) -> f64 {
-    let spread = Spread::of(map);
-    let z = standard(map, &spread);
-    let other = Spread::of(values);
-    let (mut xy, mut xx) = (0.0, 0.0);
-    for (x, y) in z.iter().zip(values).filter(|(_, y)| y.is_finite()) {
-        let y = (y - other.median()).clamp(-FAR * other.sd(), FAR * other.sd());
-        xy += x * y;
-        xx += x * x;
-    }
-    if xx > 0.0 { xy / xx * spread.sd() / spread.median().abs().max(1e-9) } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -48,6 +48,7 @@ mod seen;
 mod settle;
 mod setup;
 mod slope;
+mod spectra;
 mod spread;
 mod still;
 mod time;

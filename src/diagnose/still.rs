@@ -1,7 +1,6 @@
 //! Recordings of which only the rates are known: a static scene, or maps of rates.
 
-use super::lines::Lines;
-use super::maps;
+use super::maps::{self, Map};
 use super::recorded::Scene;
 use super::scan::{Look, PixelScan, Scan, scan};
 use super::setup::{Sample, Setup};
@@ -130,9 +129,8 @@ pub(super) fn measured_maps(setup: &Setup, set: &RecordingSet) -> Result<Vec<f64
             .expected("one in the dark and one lit"));
     };
     let step = bright.light - dark.light;
-    let gain = bright.rate.iter().zip(&dark.rate).map(|(b, d)| (b - d) / step).collect();
-    let lines = Lines { gain, dark: dark.rate.clone(), residuals: Vec::new() };
-    Ok(of_lines(&lines, setup).values)
+    let gain: Vec<f64> = bright.rate.iter().zip(&dark.rate).map(|(b, d)| (b - d) / step).collect();
+    Ok(of_lines(&gain, &dark.rate, setup).values)
 }
 
 /// Statistics of the maps that a camera's fixed pattern gives.
@@ -142,12 +140,13 @@ pub(super) fn simulated_maps(setup: &Setup, sample: &Sample, seed: u64) -> Resul
     camera.sensor.readout_hz = setup.readout_hz;
     let model = camera.model(Seeds { camera: seed, shot: 0, sequence: 0 })?;
     let laws = (0..setup.geometry.pixels()).map(|p| model.law(p));
-    let (gain, dark) = laws.map(|l| (l.gain / l.threshold, l.dark / l.threshold)).unzip();
-    Ok(of_lines(&Lines { gain, dark, residuals: Vec::new() }, setup))
+    let (gain, dark): (Vec<f64>, Vec<f64>) =
+        laws.map(|l| (l.gain / l.threshold, l.dark / l.threshold)).unzip();
+    Ok(of_lines(&gain, &dark, setup))
 }
 
-fn of_lines(lines: &Lines, setup: &Setup) -> Vector {
+fn of_lines(gain: &[f64], dark: &[f64], setup: &Setup) -> Vector {
     let mut v = Vector { statistics: Vec::new(), values: Vec::new() };
-    maps::of_lines(&mut v, lines, setup.geometry.width());
+    maps::of_lines(&mut v, &Map::new(gain), &Map::new(dark), setup.geometry.width());
     v
 }

@@ -1,10 +1,10 @@
 //! Statistics of whole readouts.
 
-use realfft::RealFftPlanner;
-
 use super::recorded::Scene;
 use super::scan::Scan;
+use super::spectra::transforms;
 use super::vector::{Vector, ln};
+use crate::kernels::counting;
 
 /// Highest frequency at which lines are looked for, in cycles per readout: bright pixels' own
 /// rates lie above.
@@ -82,7 +82,7 @@ pub(super) fn power(totals: &[u32]) -> Vec<f64> {
     let n = totals.len();
     let mean = totals.iter().map(|c| f64::from(*c)).sum::<f64>() / n.max(1) as f64;
     let mut input: Vec<f64> = totals.iter().map(|c| f64::from(*c) - mean).collect();
-    let fft = RealFftPlanner::<f64>::new().plan_fft_forward(n);
+    let [fft] = transforms([n]);
     let mut output = fft.make_output_vec();
     if n < 2 || fft.process(&mut input, &mut output).is_err() {
         return Vec::new();
@@ -134,22 +134,48 @@ fn spectrum(v: &mut Vector, k: usize, scan: &Scan, light: f64) {
     }
 }
 
+/// Frequencies on either side of a line that it is compared with.
+const REACH: usize = 40;
+
 /// Place of the highest line, in cycles per readout, and its power over the mean.
 pub(super) fn line(power: &[f64], readouts: usize) -> (f64, f64) {
     let end = ((HIGHEST_LINE * readouts as f64) as usize).min(power.len());
     let mut best = (0.0, 1.0);
-    let reach = 40;
+    let sums = counting(
+        #[inline(always)]
+        || around(power, end),
+    );
     for i in 2..end {
-        let around = power[i.saturating_sub(reach).max(1)..i]
-            .iter()
-            .chain(&power[i + 1..(i + reach).min(power.len())]);
-        let (sum, count) = around.fold((0.0, 0.0), |(s, c), p| (s + p.min(power[i]), c + 1.0));
-        let ratio = power[i] * count / f64::max(sum, 1e-12);
+        let count = i - i.saturating_sub(REACH).max(1) + (i + REACH).min(power.len()) - (i + 1);
+        let ratio = power[i] * count as f64 / f64::max(sums[i], 1e-12);
         if ratio > best.1 {
             best = (i as f64 / readouts as f64, ratio);
         }
     }
     best
+}
+
+/// Sums of the powers around each frequency below `end`, in order of frequency and none taken as more than its own. The first two are not
+/// looked at.
+#[inline(always)]
+fn around(power: &[f64], end: usize) -> Vec<f64> {
+    let mut sums = vec![0.0; end];
+    for step in (1..=REACH).rev() {
+        add(&mut sums, power, step + 1, power.get(1..).unwrap_or(&[]));
+    }
+    for step in 1..REACH {
+        add(&mut sums, power, 2, power.get(2 + step..).unwrap_or(&[]));
+    }
+    sums
+}
+
+/// Adds one neighbour of all frequencies from `first` on: all neighbours of one frequency would wait for each other's addition.
+#[inline(always)]
+fn add(sums: &mut [f64], power: &[f64], first: usize, others: &[f64]) {
+    let sums = sums.get_mut(first..).unwrap_or(&mut []);
+    for ((sum, own), other) in sums.iter_mut().zip(power.get(first..).unwrap_or(&[])).zip(others) {
+        *sum += other.min(*own);
+    }
 }
 
 #[cfg(test)]

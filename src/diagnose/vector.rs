@@ -2,7 +2,7 @@
 
 use super::edges;
 use super::lines::{Lines, lines};
-use super::maps;
+use super::maps::{self, Map};
 use super::scan::{BLOCKS, LAGS, Scan};
 use super::setup::Setup;
 use super::spread::Spread;
@@ -54,6 +54,7 @@ pub(super) fn ln(x: f64) -> f64 {
 pub(super) fn vector(setup: &Setup, scans: &[Scan]) -> Vector {
     let mut v = Vector { statistics: Vec::new(), values: Vec::new() };
     let fitted = lines(setup, scans);
+    let fitted = fitted.as_ref().map(|lines| (lines, Map::new(&lines.gain), Map::new(&lines.dark)));
     for (k, scan) in scans.iter().enumerate() {
         let scene = &setup.scenes[k];
         if scene.constant() {
@@ -68,14 +69,14 @@ pub(super) fn vector(setup: &Setup, scans: &[Scan]) -> Vector {
         }
         time::frames(&mut v, k, scan, scene);
         edges::steps(&mut v, k, scan, scene);
-        if let Some(fitted) = &fitted {
-            edges::after_falls(&mut v, k, scan, scene, fitted);
-            edges::checkerboard(&mut v, k, scan, scene, fitted);
+        if let Some((lines, gain, dark)) = &fitted {
+            edges::after_falls(&mut v, k, scan, scene, lines, [gain, dark]);
+            edges::checkerboard(&mut v, k, scan, scene, lines);
         }
     }
-    if let Some(fitted) = &fitted {
-        residuals(&mut v, fitted);
-        maps::of_lines(&mut v, fitted, setup.geometry.width());
+    if let Some((lines, gain, dark)) = &fitted {
+        residuals(&mut v, lines, gain);
+        maps::of_lines(&mut v, gain, dark, setup.geometry.width());
     }
     v
 }
@@ -124,20 +125,21 @@ fn stability(v: &mut Vector, k: usize, scan: &Scan) {
     v.push(k, "change between halves, variance", square(&change), 1e-3);
     let wild = change.iter().filter(|d| d.abs() > 2.5).count() as f64;
     v.rare(k, "change between halves, tail", wild);
-    let mut sum = 0.0;
-    for b in 1..BLOCKS {
-        let mean = |b: usize| scan.pixels.iter().map(|p| f64::from(p.blocks[b])).sum::<f64>() / n;
-        let common = mean(b) - mean(b - 1);
-        let step = |p: &super::scan::PixelScan| {
-            (f64::from(p.blocks[b]) - f64::from(p.blocks[b - 1]) - common).clamp(-6.0, 6.0).powi(2)
-        };
-        sum += scan.pixels.iter().map(step).sum::<f64>() / n;
+    let mean = |b: usize| scan.pixels.iter().map(|p| u64::from(p.blocks[b])).sum::<u64>() as f64 / n;
+    let common: [f64; BLOCKS - 1] = std::array::from_fn(|b| mean(b + 1) - mean(b));
+    let mut squares = [0.0; BLOCKS - 1];
+    for p in &scan.pixels {
+        for b in 0..BLOCKS - 1 {
+            let step = f64::from(p.blocks[b + 1]) - f64::from(p.blocks[b]) - common[b];
+            squares[b] += step.clamp(-6.0, 6.0).powi(2);
+        }
     }
+    let sum = squares.iter().fold(0.0, |sum, square| sum + square / n);
     v.push(k, "change between blocks, variance", sum / (BLOCKS - 1) as f64, 1e-3);
 }
 
 /// Levels against every pixel's own line.
-fn residuals(v: &mut Vector, fitted: &Lines) {
+fn residuals(v: &mut Vector, fitted: &Lines, gain: &Map<'_>) {
     for (k, off) in &fitted.residuals {
         let spread = Spread::of(off);
         // Relative to the light, or to a hundredth of full light in the dark.
@@ -145,7 +147,6 @@ fn residuals(v: &mut Vector, fitted: &Lines) {
         v.push(*k, "spread about the line", ln(spread.iqr()), 2e-3);
         let (low, high) = (spread.q[0], spread.q[6]);
         v.push(*k, "spread about the line, tails", ln((high - low) / spread.iqr()), 5e-3);
-        let slope = maps::slope(&fitted.gain, off);
-        v.push(*k, "rate against the line, by gain", 1e3 * slope, 0.05);
+        v.push(*k, "rate against the line, by gain", 1e3 * gain.slope(off, &spread), 0.05);
     }
 }
