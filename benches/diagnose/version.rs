@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 use serde_json::Value;
 
 /// What decides on whether anything is wrong, how strong an effect can be named, and what makes the sensors.
-const SOURCES: [&str; 37] = [
+const SOURCES: [&str; 38] = [
     include_str!("../../src/diagnose/alarm.rs"),
     include_str!("../../src/diagnose/bits.rs"),
     include_str!("../../src/diagnose/candidates.rs"),
@@ -33,6 +33,7 @@ const SOURCES: [&str; 37] = [
     include_str!("../../src/diagnose/recorded.rs"),
     include_str!("../../src/diagnose/redraw.rs"),
     include_str!("../../src/diagnose/reference.rs"),
+    include_str!("../../src/diagnose/remembered.rs"),
     include_str!("../../src/diagnose/run.rs"),
     include_str!("../../src/diagnose/scan.rs"),
     include_str!("../../src/diagnose/setup.rs"),

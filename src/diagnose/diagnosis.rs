@@ -11,7 +11,7 @@ use crate::effects::Camera;
 pub enum Verdict {
     /// Nothing is above its limit.
     Agrees,
-    /// Effects or misfits are named, and nothing is left.
+    /// Effects or misfits are named, nothing is left, and the held-out gap is within [`Gap::limit`].
     Explained,
     /// Something is named, and something is left.
     PartlyExplained,
@@ -85,6 +85,22 @@ pub struct Gap {
     pub floor: f64,
     /// Standard deviation of the floor.
     pub floor_sd: f64,
+}
+
+impl Gap {
+    /// Largest held-out gap of a set that is explained: the floor, and a hundredth of what the first one was beyond it or two
+    /// deviations of the floor.
+    #[must_use]
+    pub fn limit(&self) -> f64 {
+        let first = self.heldout.first().map_or(0.0, |first| first - self.floor);
+        self.floor + (0.01 * first).max(2.0 * self.floor_sd)
+    }
+
+    /// Whether the last held-out gap is within it.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        self.heldout.last().is_none_or(|last| *last <= self.limit())
+    }
 }
 
 /// Everything that is said.

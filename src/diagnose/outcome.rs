@@ -82,10 +82,16 @@ pub(super) fn outcome(
         misfits.extend(base_misfits(reference, found, data, given));
     }
     let named = !misfits.is_empty() || effects.iter().any(|e| !e.resembles);
+    let gap = Gap {
+        train: found.train.clone(),
+        heldout: found.heldout.clone(),
+        floor: found.own.floor,
+        floor_sd: found.own.floor_sd,
+    };
     let verdict = match (found.left, named) {
-        (false, true) => Verdict::Explained,
+        (false, true) if gap.is_closed() => Verdict::Explained,
         (false, false) => Verdict::Agrees,
-        (true, true) => Verdict::PartlyExplained,
+        (_, true) => Verdict::PartlyExplained,
         (true, false) => Verdict::Unknown,
     };
     let sample = found.fit.model.sample(&found.fit.u, &[], reference.setup.scenes.len())?;
@@ -96,17 +102,17 @@ pub(super) fn outcome(
         verdict,
         effects,
         misfits,
-        unknown: if found.left { unknown(reference, found, data) } else { Vec::new() },
-        gap: Gap {
-            train: found.train.clone(),
-            heldout: found.heldout.clone(),
-            floor: found.own.floor,
-            floor_sd: found.own.floor_sd,
+        unknown: match verdict {
+            _ if found.left => unknown(reference, found, &(data - &found.own.mean)),
+            // No single statistic is beyond its limit; these are what the gap of the held-out set comes from.
+            Verdict::PartlyExplained => unknown(reference, found, &found.off),
+            _ => Vec::new(),
         },
+        notes: if found.left || verdict != Verdict::PartlyExplained { Vec::new() } else { vec![open(&gap)] },
+        gap,
         settle: settle(reference, &found.rounds),
         not_testable: reference.not_testable(),
         seconds: 0.0,
-        notes: Vec::new(),
         camera,
         traces: traces(reference, found, data),
     })
@@ -187,8 +193,20 @@ impl Reference {
     }
 }
 
-fn unknown(reference: &Reference, found: &Found, data: &nalgebra::DVector<f64>) -> Vec<Unknown> {
-    let scores = found.own.metric.scores(&(data - &found.own.mean));
+/// Why a set of which no statistic is beyond its limit is not explained.
+fn open(gap: &Gap) -> String {
+    format!(
+        "No statistic by itself is beyond what the final model's own sensors show, but the held-out gap is {:.0} where theirs is \
+         {:.0} and {:.0} is the most that counts as explained. Of clean sensors two in a hundred are this far off by chance.",
+        gap.heldout.last().copied().unwrap_or_default(),
+        gap.floor,
+        gap.limit()
+    )
+}
+
+/// The recordings and statistics that are furthest off.
+fn unknown(reference: &Reference, found: &Found, off: &nalgebra::DVector<f64>) -> Vec<Unknown> {
+    let scores = found.own.metric.scores(off);
     let mut order: Vec<usize> = (0..scores.len()).collect();
     order.sort_by(|a, b| scores[*b].abs().total_cmp(&scores[*a].abs()));
     let entry = |i: usize| {

@@ -45,6 +45,8 @@ pub(super) struct Found {
     pub heldout: Vec<f64>,
     pub steps: Vec<String>,
     pub own: Own,
+    /// What the held-out set is off.
+    pub off: DVector<f64>,
     /// Whether anything is left above its limit.
     pub left: bool,
 }
@@ -137,8 +139,8 @@ pub(super) fn search(case: &Case<'_>, progress: Progress<'_>) -> Result<Found> {
             gap("after removal and swaps".to_owned(), &at);
         }
     }
-    let Judged { fit, own, left, .. } = at;
-    Ok(Found { fit, rounds, train, heldout, steps, own, left })
+    let Judged { fit, own, off, left, .. } = at;
+    Ok(Found { fit, rounds, train, heldout, steps, own, off, left })
 }
 
 impl Reference {

@@ -16,7 +16,7 @@ fn spectrum(place: &str, curves: &[Curve<'_>], pictures: &[(&'static str, Pictur
     let plot = curves_over(place, axes, curves, band.as_ref())?;
     let what = "Power over that of as many independent spikes.";
     let grey = format!(
-        "{what} Grey is the range of {FURTHER} further sensors of the model after; at one frequency in eleven          the recording of a sensor like them lies outside."
+        "{what} Grey is the range of {FURTHER} further sensors of the model after; at one frequency in eleven the recording of a sensor like them lies outside."
     );
     Ok(Part::figure(plot, if band.is_some() { grey } else { what.to_owned() }))
 }
