@@ -51,7 +51,8 @@ const SOURCES: [&str; 38] = [
 ];
 
 /// What chooses a name, once something is wrong, and tells how strong it is.
-const NAMING: [&str; 7] = [
+const NAMING: [&str; 8] = [
+    include_str!("../../src/diagnose/crossed.rs"),
     include_str!("../../src/diagnose/drawn.rs"),
     include_str!("../../src/diagnose/interval.rs"),
     include_str!("../../src/diagnose/likelihood.rs"),

@@ -26,7 +26,7 @@ pub(super) fn pairs(setup: &Setup) -> usize {
 
 /// Step for the derivative by a base number, relative to its value: some five of the deviations to which 2,000 pixels tell it. What
 /// noise moves looks like information, and the less the larger the step is.
-fn step(knob: &Knob) -> f64 {
+pub(super) fn step(knob: &Knob) -> f64 {
     match (knob.effect, knob.key) {
         // It moves every lattice of intervals; a small step keeps them in place.
         ("prnu", "mean") => 0.01,

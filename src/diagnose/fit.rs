@@ -24,6 +24,8 @@ pub(super) struct Fit {
     at: Vec<f64>,
     /// Changes per unit of the effects' knobs.
     pub jacobian: DMatrix<f64>,
+    /// The same of the base knobs, where effects couple what these move.
+    pub crossed: Option<DMatrix<f64>>,
     /// What `jacobian` was taken from.
     pub taken: Taken,
     /// Changes per standard deviation of the numbers of events.
@@ -58,6 +60,7 @@ impl Fit {
             each: reference.baseline.clone(),
             at: Vec::new(),
             jacobian: DMatrix::zeros(data.len(), 0),
+            crossed: None,
             taken: Taken::default(),
             events: DMatrix::zeros(data.len(), 0),
             misfit: reference.metric.square(&off),
@@ -138,7 +141,7 @@ impl Fit {
 
     /// A copy of which the effects are about to change: nothing that was simulated holds for it.
     fn of_other_effects(&self) -> Self {
-        Self { at: Vec::new(), taken: Taken::default(), ..self.clone() }
+        Self { at: Vec::new(), taken: Taken::default(), crossed: None, ..self.clone() }
     }
 
     /// With its numbers moved.
@@ -190,7 +193,7 @@ impl Fit {
     pub fn directions(&self, reference: &Reference) -> DMatrix<f64> {
         let (rows, base, own) = (self.mean.len(), reference.jacobian.ncols(), self.jacobian.ncols());
         let mut all = DMatrix::zeros(rows, base + own);
-        all.columns_mut(0, base).copy_from(&reference.jacobian);
+        all.columns_mut(0, base).copy_from(self.crossed.as_ref().unwrap_or(&reference.jacobian));
         all.columns_mut(base, own).copy_from(&self.jacobian);
         all
     }

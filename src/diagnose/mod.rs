@@ -13,6 +13,7 @@ mod bits;
 mod candidates;
 mod case;
 mod contradicted;
+mod crossed;
 mod derivatives;
 mod diagnosis;
 mod drawn;

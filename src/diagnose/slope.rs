@@ -106,6 +106,7 @@ impl Reference {
         } else {
             DMatrix::from_columns(&columns)
         };
+        fit.crossed = self.crossed(fit, count)?;
         fit.taken = Taken { at: fit.u.clone(), count, around, ..std::mem::take(&mut fit.taken) };
         Ok(())
     }
