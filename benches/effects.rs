@@ -1,9 +1,9 @@
-//! What each effect costs beside full noise: packed frames in memory, one thread, held light, on the fastest
-//! backend. Prints the table of `docs/performance.md`.
+//! What each effect costs beside full noise, with stored charge bounded and without, and a dead time, as the published code has it:
+//! packed frames in memory, one thread, held light, on the fastest backend. Prints the table of `docs/performance.md`.
 
 use std::time::Instant;
 
-use spikelane::effects::{self, Definition};
+use spikelane::effects;
 use spikelane::simulate::FrameRef;
 use spikelane::{Camera, Plan, Seeds, Sensor, Simulator};
 
@@ -16,6 +16,11 @@ fn base() -> Camera {
     let camera = Camera::ideal(Sensor::new(400, 250, 20_000.0).unwrap());
     let camera = names.into_iter().fold(camera, |c, name| c.with(typical(name)));
     camera.with(typical("thermal_noise").with_text("redraw", "every-readout").unwrap())
+}
+
+/// The same without a bound, and with a dead time.
+fn published() -> Camera {
+    base().without("saturation_clamp").with(effects::find("dead_time").unwrap().typical())
 }
 
 /// Gpixel-readouts per second: the best of ten runs.
@@ -34,13 +39,18 @@ fn speed(camera: &Camera) -> f64 {
 }
 
 fn main() {
-    let base = base();
-    let with = |definition: &'static Definition| base.clone().with(definition.typical());
-    println!("| beside full noise | Gpixel-readouts/s |\n|---|--:|\n| nothing | {:.3} |", speed(&base));
-    for definition in effects::ALL.iter().filter(|d| base.effect(d.name).is_none()) {
-        println!("| `{}` | {:.3} |", definition.name, speed(&with(definition)));
+    let bases = [base(), published()];
+    let row = |what: &str, cameras: [Camera; 2]| {
+        let [bounded, published] = cameras.map(|c| speed(&c));
+        println!("| {what} | {bounded:.2} | {published:.2} |");
+    };
+    println!("Gpixel-readouts/s\n\n| beside full noise | bounded | not bounded, dead time |\n|---|--:|--:|");
+    row("nothing", bases.clone());
+    let missing = || effects::ALL.iter().filter(|d| bases[0].effect(d.name).is_none());
+    for definition in missing() {
+        let with = |c: &Camera| c.clone().with(definition.typical());
+        row(&format!("`{}`", definition.name), [with(&bases[0]), with(&bases[1])]);
     }
-    let all = effects::ALL.iter().filter(|d| base.effect(d.name).is_none());
-    let camera = all.fold(base.clone(), |camera, definition| camera.with(definition.typical()));
-    println!("| all of them | {:.3} |", speed(&camera));
+    let all = |c: &Camera| missing().fold(c.clone(), |c, definition| c.with(definition.typical()));
+    row("all of them", [all(&bases[0]), all(&bases[1])]);
 }

@@ -66,6 +66,15 @@ fn a_hidden_effect_is_named_and_the_gap_shrinks() {
     }
 }
 
+/// Sensors of the study were said to have -0.71 to -0.85, the furthest end of an interval at -0.96.
+#[test]
+fn a_full_correlation_of_gain_and_dark_current_is_not_cut_short() {
+    let found = of(Some(("gain_dark_correlation", 1.0)), 61);
+    let effect = found.effects.iter().find(|e| e.name == "gain_dark_correlation");
+    let said = &effect.unwrap_or_else(|| panic!("{found:?}")).parameters[0];
+    assert!(said.low.abs().max(said.high.abs()) > 0.97 && said.value.abs() > 0.85, "{said:?}");
+}
+
 #[test]
 fn a_camera_file_with_twice_the_spread_of_gain_is_said_to_be_wrong() {
     let (_folder, sets) = sets(None, 52);
