@@ -319,6 +319,7 @@ proptest! {
         levels in proptest::collection::vec(prop_oneof![Just(0.0f32), 0.0f32..0.5, 0.6f32..1.3], 1..4),
         lost in prop_oneof![Just(0.0), 1e-3f64..0.1],
         noise in prop_oneof![Just(0.0), 1e-3f64..0.08],
+        quanta in any::<bool>(),
         clamped in any::<bool>(),
         dark_quanta in any::<bool>(),
         beside in 0..BESIDE.len(),
@@ -334,9 +335,11 @@ proptest! {
             .with(typical("bias_voltage"))
             .with(typical("start_phase"))
             .with(dark())
-            .with(typical("shot_noise"))
             .with(noise)
             .with(with("dead_time", "lost_fraction", lost));
+        if quanta {
+            camera = camera.with(typical("shot_noise"));
+        }
         if clamped {
             camera = camera.with(typical("saturation_clamp"));
         }
