@@ -173,7 +173,9 @@ fn disagreements(d: &Diagnosis) -> Result<Vec<Part>> {
 
 fn tournament(d: &Diagnosis) -> Result<Vec<Part>> {
     let mut parts = Vec::new();
-    for (round, (winner, fate)) in d.traces.tournament.iter().zip(&d.traces.steps) {
+    let rounds = d.traces.tournament.iter().zip(&d.traces.steps);
+    // A name that came in the place of another one won no tournament; its evidence says so.
+    for (round, (winner, fate)) in rounds.filter(|(round, _)| !round.is_empty()) {
         let (what, caption) = match fate {
             Fate::Kept => (
                 "",
