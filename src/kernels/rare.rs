@@ -88,6 +88,15 @@ pub(super) fn needs_words(job: &Job<'_>) -> bool {
     job.plan.rules().kept_remainder != 1.0 || matches!(job.plan.tables().noise, Some(NoiseTable::Fine(_)))
 }
 
+/// This readout's threshold noise in whole steps.
+#[inline(always)]
+fn fresh<L: Lanes>(l: L, job: &Job<'_>, t: usize, constants: &Constants<L>) -> L::Half {
+    if job.plan.tables().noise.is_none() {
+        return l.splat(0);
+    }
+    l.scale(l.gauss(hash(l, constants.pair_keys, &job.batch.rounds().noise[t].thermal)), constants.noise)
+}
+
 /// Compares and resets in whole steps, `below` where there is no surplus and none can come.
 #[inline(always)]
 pub(super) fn compare<L: Lanes>(
@@ -99,13 +108,7 @@ pub(super) fn compare<L: Lanes>(
     pixel: &mut Pixels<L>,
 ) -> L::Mask {
     let rules = job.plan.rules();
-    let fresh = match &job.plan.tables().noise {
-        None => l.splat(0),
-        Some(_) => {
-            let z = l.gauss(hash(l, constants.pair_keys, &job.batch.rounds().noise[t].thermal));
-            l.scale(z, constants.noise)
-        }
-    };
+    let fresh = fresh(l, job, t, constants);
     let frozen = rules.redraw == Redraw::EveryReset;
     let noise = if frozen { pixel.held } else { fresh };
     let counts = rules.surplus && !below;
@@ -125,8 +128,8 @@ pub(super) fn compare<L: Lanes>(
     fired
 }
 
-/// Compares and resets where the noise is in whole steps and the threshold is moved besides, `below` as in [`compare`]: [`compare_words`] in halves, as to join
-/// them to words and to part them again takes more than all that is done with them. The first of `offsets` moves the
+/// Compares and resets where the noise is in whole steps and the threshold is moved besides, `below` as in [`compare`]: [`compare_words`] in halves, which need not be
+/// joined to words and parted again. The first of `offsets` moves the
 /// threshold, the second, where there is one, only what charge is compared with.
 #[inline(always)]
 pub(super) fn compare_moved<L: Lanes>(
@@ -139,13 +142,7 @@ pub(super) fn compare_moved<L: Lanes>(
     pixel: &mut Pixels<L>,
 ) -> L::Mask {
     let rules = job.plan.rules();
-    let fresh = match &job.plan.tables().noise {
-        None => l.splat(0),
-        Some(_) => {
-            let z = l.gauss(hash(l, constants.pair_keys, &job.batch.rounds().noise[t].thermal));
-            l.scale(z, constants.noise)
-        }
-    };
+    let fresh = fresh(l, job, t, constants);
     let frozen = rules.redraw == Redraw::EveryReset;
     let noise = if frozen { pixel.held } else { fresh };
     let counts = rules.surplus && !below;

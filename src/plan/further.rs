@@ -191,15 +191,8 @@ impl Further {
     #[must_use]
     #[inline]
     pub fn only_bends_light(&self) -> bool {
-        let optics = Self {
-            quadratic: 0.0,
-            crosstalk: 0.0,
-            threshold: Vec::new(),
-            sway: Vec::new(),
-            rows: Vec::new(),
-            ..self.clone()
-        };
-        !optics.is_needed()
+        let adds_charge = self.leak != 0.0 || self.coupling != 0.0;
+        !adds_charge && !self.varies() && !self.moves_threshold()
     }
 
     /// Whether the threshold is another one at some readouts.
