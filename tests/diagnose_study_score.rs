@@ -61,6 +61,8 @@ fn an_interval_of_a_share_is_that_of_clopper_and_pearson() {
     assert!((none.upper() - 0.012_221).abs() < 1e-6, "{}", none.upper());
     assert_eq!(none.to_string(), "0 of 300, 0 % (0 to 1)");
     assert_eq!(Share { hits: 79, of: 84 }.to_string(), "79 of 84, 94 % (87 to 98)");
+    // Of many sensors (1 - p)^n is below the smallest number: 96.61 to 99.33 % by sums of logarithms of the gamma function.
+    assert_eq!(Share { hits: 415, of: 422 }.to_string(), "415 of 422, 98 % (97 to 99)");
     assert_eq!(Share { hits: 5, of: 5 }.to_string(), "5 of 5, 100 % (48 to 100)");
     assert_eq!(Share { hits: 0, of: 0 }.to_string(), "none ran");
 }

@@ -19,12 +19,13 @@ impl Share {
         if self.hits >= self.of {
             return 1.0;
         }
+        // By logarithms: of 422 at 98 % no hit has the chance 1e-717, which no number of 64 bits holds.
         let chance = |p: f64| {
-            let mut term = (1.0 - p).powi(self.of as i32);
-            let mut sum = term;
+            let mut term = self.of as f64 * (-p).ln_1p();
+            let mut sum = term.exp();
             for i in 0..self.hits {
-                term *= (self.of - i) as f64 / (i + 1) as f64 * p / (1.0 - p);
-                sum += term;
+                term += ((self.of - i) as f64 / (i + 1) as f64 * p / (1.0 - p)).ln();
+                sum += term.exp();
             }
             sum
         };

@@ -10,6 +10,7 @@
 
 mod alarm;
 mod bits;
+mod calibrated;
 mod candidates;
 mod case;
 mod contradicted;
@@ -18,6 +19,7 @@ mod derivatives;
 mod diagnosis;
 mod drawn;
 mod edges;
+mod ending;
 mod events;
 mod extent;
 mod faint;
@@ -31,6 +33,7 @@ mod maps;
 mod metric;
 mod model;
 mod nameable;
+mod notes;
 mod outcome;
 mod own;
 mod page;

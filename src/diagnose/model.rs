@@ -105,6 +105,16 @@ impl Model {
         }
     }
 
+    /// A knob's value in `camera`, the centre where that does not have its effect.
+    pub fn value_in(knob: &Knob, camera: &Camera) -> f64 {
+        camera.effect(knob.effect).and_then(|e| e.get(knob.key).ok()).unwrap_or(knob.centre)
+    }
+
+    /// Where the knobs stand in `camera`.
+    pub fn places_in(&self, camera: &Camera) -> Vec<f64> {
+        self.knobs.iter().map(|knob| knob.position(Self::value_in(knob, camera))).collect()
+    }
+
     /// The sample at knob positions `u` and relative lamp errors `lamps` (one for each scene of [`Model::lamps`]).
     pub fn sample(&self, u: &[f64], lamps: &[f64], scenes: usize) -> Result<Sample> {
         let mut camera = self.camera.clone();

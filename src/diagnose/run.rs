@@ -1,31 +1,29 @@
 //! A diagnosis from recordings to words.
 
+use std::borrow::Cow;
 use std::time::Instant;
 
 use nalgebra::DVector;
 
+use super::calibrated::calibrated;
 use super::candidates::Candidate;
 use super::case::{Case, Judge};
 use super::diagnosis::Diagnosis;
 use super::extent::{Extent, Part};
-use super::model::published;
+use super::notes::of_the_sets;
 use super::outcome::outcome;
 use super::picture::pictures;
 use super::rebase::rebased;
 use super::reference::{Progress, Reference, Signature};
-use super::search::search;
+use super::search::{Found, search};
 use super::setup::{Measured, Setup};
-use super::spread::Spread;
 use super::time::{line, power, sharpened};
-use crate::calibrate::{self, Calibration, Light, RecordingSet, Scene as Pattern};
-use crate::effects::{Camera, find};
+use crate::calibrate::{self, Light, RecordingSet, Scene as Pattern};
+use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
 
 /// Power over the mean from which on a line in the frame totals is worth a frequency.
 const LINE: f64 = 12.0;
-
-/// Furthest factor from the published numbers at which a calibration is believed.
-const PLAUSIBLE: f64 = 2.5;
 
 /// What a diagnosis is given besides the recordings.
 #[derive(Clone, Copy, Debug, Default)]
@@ -65,65 +63,69 @@ pub fn diagnose(
     progress("reading", 0.0);
     let measured = setup.measure(set)?;
     let data = DVector::from_vec(measured.values.clone());
-    let built;
-    let reference = match options.reference {
-        Some(reference) => {
-            same_protocol(&setup, &reference.setup)?;
-            reference
-        }
-        None => {
-            let camera = match options.camera {
-                // Maps are all spread: what the base cannot hold would bend it.
-                Some(camera) if setup.maps => camera.clone(),
-                Some(camera) => {
-                    progress("own numbers", 0.0);
-                    rebased(&setup, camera, &data, options.seed)?
-                }
-                None => calibrated(set, &setup)?,
-            };
-            built = Reference::new(setup.clone(), camera, options.seed, progress)?;
-            &built
-        }
-    };
     let held = DVector::from_vec(other.measure(holdout.unwrap_or(set))?.values);
     let judge = Judge {
         data: &held,
         setup: (first != second).then_some(&other),
         held_out: holdout.is_some() || !alone,
     };
-    let signatures = with_line(reference, &setup, &measured)?;
-    let case = Case { reference, signatures: &signatures, data: &data, judge: &judge };
-    let mut found = search(&case, progress)?;
-    let mut diagnosis = outcome(reference, &mut found, &data, options.camera)?;
-    if let Some((first, rows)) = setup.band {
-        diagnosis.notes.push(format!(
-            "The scene is large: rows {first} to {} were judged, which hold most of its even surface.",
-            first + rows - 1
-        ));
-    }
-    if let Some([fewest, most]) = setup.first_readouts {
-        let first = if fewest == most { fewest.to_string() } else { format!("{fewest} to {most}") };
-        diagnosis.notes.push(format!(
-            "The recordings are large: the first {first} readouts of each were judged. --everything judges all of them, which sees weaker and slower effects and takes longer in proportion."
-        ));
-    }
+    let sets = Sets { set, measured: &measured, data: &data, judge: &judge };
+    let (reference, mut found) = match options.reference {
+        Some(reference) => {
+            same_protocol(&setup, &reference.setup)?;
+            let signatures = with_line(reference, &measured)?;
+            (Cow::Borrowed(reference), search(&sets.case(reference, &signatures), progress)?)
+        }
+        None => {
+            let (reference, found) = sets.searched(setup.clone(), options, progress)?;
+            (Cow::Owned(reference), found)
+        }
+    };
+    let mut diagnosis = outcome(&reference, &mut found, &data, options.camera)?;
     progress("pictures", 0.95);
     let last = (&found.fit.model, found.fit.u.as_slice());
-    diagnosis.traces.pictures = pictures(reference, set, &measured.scans, last)?;
-    if holdout.is_none() && alone {
-        diagnosis
-            .notes
-            .push("No second set was given and this one cannot be cut: nothing was held out.".to_owned());
-    } else if holdout.is_none() {
-        diagnosis.notes.push(
-            "No second set was given: the first half of every recording was fitted and the second half judged it, so effects must be stronger to be seen. A second set of the same scenes doubles what can be told.".to_owned(),
-        );
-    }
-    if options.camera.is_none() {
-        diagnosis.notes.push("No camera file was given: gain, dark current, their spreads, the threshold's spread and noise and the electrons of a spike were calibrated.".to_owned());
-    }
+    diagnosis.traces.pictures = pictures(&reference, set, &measured.scans, last)?;
+    diagnosis.notes.extend(of_the_sets(&setup, options.camera, holdout.is_some(), alone));
     diagnosis.seconds = start.elapsed().as_secs_f64();
     Ok(diagnosis)
+}
+
+/// What a search is given besides a reference.
+struct Sets<'a> {
+    set: &'a RecordingSet,
+    measured: &'a Measured,
+    data: &'a DVector<f64>,
+    judge: &'a Judge<'a>,
+}
+
+impl Sets<'_> {
+    fn case<'a>(&'a self, reference: &'a Reference, signatures: &'a [Signature]) -> Case<'a> {
+        Case { reference, signatures, data: self.data, judge: self.judge }
+    }
+
+    /// From the camera that is given, or from a calibrated one.
+    fn searched(
+        &self,
+        setup: Setup,
+        options: Options<'_>,
+        progress: Progress<'_>,
+    ) -> Result<(Reference, Found)> {
+        let given = options.camera.map_or_else(|| calibrated(self.set, &setup), |c| Ok(c.clone()))?;
+        let camera = match options.camera {
+            // Maps are all spread: what the base cannot hold would bend it.
+            Some(_) if !setup.maps => {
+                progress("own numbers", 0.0);
+                rebased(&setup, &given, self.data, options.seed)?
+            }
+            _ => given.clone(),
+        };
+        let reference = Reference::new(setup, camera, options.seed, progress)?;
+        let signatures = with_line(&reference, self.measured)?;
+        let mut found = search(&self.case(&reference, &signatures), progress)?;
+        progress("last steps", 0.94);
+        self.case(&reference, &signatures).end(&mut found, &given)?;
+        Ok((reference, found))
+    }
 }
 
 /// What every diagnosis needs.
@@ -158,58 +160,9 @@ fn same_protocol(a: &Setup, b: &Setup) -> Result<()> {
         .expected("the same scenes in the same order, as long as those of the first set"))
 }
 
-/// The published model with the set's own numbers, as far as a static calibration gives them.
-fn calibrated(set: &RecordingSet, setup: &Setup) -> Result<Camera> {
-    let camera = published(setup)?;
-    let found = calibrate::observe(set, &mut |_, _| {})
-        .and_then(|observed| calibrate::calibrate(&observed, &calibrate::Options::default()));
-    // A set that drifts or contradicts itself has no static calibration; the search starts from the published numbers.
-    let Ok(calibration) = found else { return Ok(camera) };
-    moved(&camera, &calibration)
-}
-
-fn moved(camera: &Camera, c: &Calibration) -> Result<Camera> {
-    let p = &c.population;
-    let sensor = &camera.sensor;
-    let bias = camera.effect("bias_voltage").map_or(0.0, |e| e.values()[0]);
-    let swing = sensor.swing_v + bias;
-    let phi = if p.sigma_phi.value > 2.0 * p.sigma_phi.error { p.sigma_phi.value } else { 0.0455 };
-    let inverse = 1.0 + phi * phi;
-    let to_pa = sensor.capacitance_ff * swing / (sensor.period_s() * 1e3);
-    let own = |sd: f64, mean: f64| ((sd / mean).powi(2) - phi * phi).max(1e-4).sqrt();
-    let (centre_d, spread_d) = usual_dark(c);
-    let mean_d = (centre_d / inverse).max(1e-6);
-    let values = [
-        ("prnu", "mean", p.mean_a.value / inverse),
-        ("prnu", "sigma", own(p.sd_a.value, p.mean_a.value) * p.mean_a.value / inverse),
-        ("bias_voltage", "sigma", phi * swing),
-        ("dark_current", "mean", mean_d * to_pa),
-        ("dark_current", "sigma", own(spread_d, centre_d).min(0.8) * mean_d * to_pa),
-        ("thermal_noise", "sigma", c.sigma_t.value * swing),
-    ];
-    let mut camera = camera.clone();
-    for (name, key, value) in values {
-        let effect = camera.effect(name).cloned().unwrap_or(find(name)?.neutral());
-        // An effect that is not in the model can send a static calibration anywhere; the search's own
-        // fit of these numbers then starts from the published ones.
-        let usable = (1.0 / PLAUSIBLE..PLAUSIBLE).contains(&(value / effect.get(key)?));
-        camera = if usable { camera.with(effect.with(key, value)?) } else { camera };
-    }
-    Ok(camera)
-}
-
-/// Dark rate of most pixels, and how it differs between them: a few hot ones would double a plain spread, and the search
-/// would have to bring it back before it could name them.
-fn usual_dark(c: &Calibration) -> (f64, f64) {
-    let d: Vec<f64> = c.fits.iter().map(|f| f.d).collect();
-    let errors: Vec<f64> = c.fits.iter().map(|f| f.var_d).collect();
-    let (spread, error) = (Spread::of(&d), Spread::of(&errors).median());
-    (spread.median(), (spread.sd().powi(2) - error).max(0.0).sqrt())
-}
-
 /// The signatures, with that of a flicker at the frequency that the frame totals show.
-fn with_line(reference: &Reference, setup: &Setup, measured: &Measured) -> Result<Vec<Signature>> {
-    let mut signatures = reference.signatures.clone();
+fn with_line(reference: &Reference, measured: &Measured) -> Result<Vec<Signature>> {
+    let (setup, mut signatures) = (&reference.setup, reference.signatures.clone());
     let mut best = (0.0, LINE);
     let mut bright: Vec<&[u32]> = Vec::new();
     for (scene, scan) in setup.scenes.iter().zip(&measured.scans) {
