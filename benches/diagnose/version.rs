@@ -3,6 +3,9 @@
 //! A sensor in which nothing was found never came to the code that chooses names, and one in which a single name was added
 //! never to the code that looks at several again. What was said of them holds when that code changes: `search` asks for a
 //! tournament only where something is left, and weeds only where two names or more are.
+//!
+//! The sensors of a study share a reference. What only a diagnosis that builds its own one comes to (`calibrated`, `rebase`, `ending`)
+//! decides nothing here.
 
 use std::sync::LazyLock;
 

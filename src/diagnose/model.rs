@@ -40,6 +40,11 @@ impl Knob {
         value.clamp(self.range.0, self.range.1)
     }
 
+    /// Its value in `camera`, the centre where that does not have its effect.
+    pub fn value_in(&self, camera: &Camera) -> f64 {
+        camera.effect(self.effect).and_then(|e| e.get(self.key).ok()).unwrap_or(self.centre)
+    }
+
     /// The position that gives `value`.
     pub fn position(&self, value: f64) -> f64 {
         let value = value.clamp(self.range.0, self.range.1);
@@ -105,14 +110,9 @@ impl Model {
         }
     }
 
-    /// A knob's value in `camera`, the centre where that does not have its effect.
-    pub fn value_in(knob: &Knob, camera: &Camera) -> f64 {
-        camera.effect(knob.effect).and_then(|e| e.get(knob.key).ok()).unwrap_or(knob.centre)
-    }
-
     /// Where the knobs stand in `camera`.
     pub fn places_in(&self, camera: &Camera) -> Vec<f64> {
-        self.knobs.iter().map(|knob| knob.position(Self::value_in(knob, camera))).collect()
+        self.knobs.iter().map(|knob| knob.position(knob.value_in(camera))).collect()
     }
 
     /// The sample at knob positions `u` and relative lamp errors `lamps` (one for each scene of [`Model::lamps`]).

@@ -4,7 +4,6 @@ use super::candidates::MISFITS;
 use super::contradicted::{Contradicted, contradicted};
 use super::diagnosis::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
 use super::interval::{interval, of_data};
-use super::model::Model;
 use super::notes::{open, unjudged};
 use super::own::MEAN;
 use super::reference::Reference;
@@ -27,7 +26,7 @@ const STRANGE: f64 = 10.0;
 const POOR: (f64, f64) = (3.0, 0.99);
 
 /// Share by which a base number moves beside the effects from which on its derivative says nothing of it: row noise of 20 mV, which is not
-/// in the camera, makes its threshold noise three times what it is, its thresholds' spread a half, and the light's noise a fifth.
+/// in the camera, makes its threshold noise 3.6 times what it is, its thresholds' spread 0.37, and the light's noise a fifth.
 const GAVE_WAY: f64 = 0.45;
 
 /// Relative deviation below which a known number is not worth a word.
@@ -183,7 +182,7 @@ fn base_misfits(
         let p = parameter_at(found, c.number, c.position, c.deviation);
         Misfit {
             parameter: format!("{}.{}", knob.effect, knob.key),
-            model: Model::value_in(&knob, given),
+            model: knob.value_in(given),
             fitted: p.value,
             low: p.low,
             high: p.high,

@@ -121,9 +121,10 @@ impl Sets<'_> {
         };
         let reference = Reference::new(setup, camera, options.seed, progress)?;
         let signatures = with_line(&reference, self.measured)?;
-        let mut found = search(&self.case(&reference, &signatures), progress)?;
+        let case = self.case(&reference, &signatures);
+        let mut found = search(&case, progress)?;
         progress("last steps", 0.94);
-        self.case(&reference, &signatures).end(&mut found, &given)?;
+        case.end(&mut found, &given)?;
         Ok((reference, found))
     }
 }

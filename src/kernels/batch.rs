@@ -187,11 +187,10 @@ impl Rounds {
         let missed = flip.is_some_and(|f| f.missed != 0);
         let spurious = flip.is_some_and(|f| f.spurious != 0);
         let counted = plan.tables().shot.is_some();
-        // The lanes walk along both, whatever the plan holds, as soon as it holds any noise.
+        // The lanes walk along both, whatever the plan holds, as soon as it holds any noise or bends light.
         let rules = plan.rules();
-        let noisy = counted || plan.tables().noise.is_some() || rules.surplus || rules.extras();
-        // Bent light alone takes them along that way as well.
-        let noisy = noisy || plan.further().is_some();
+        let drawn = counted || plan.tables().noise.is_some();
+        let noisy = drawn || rules.surplus || rules.extras() || plan.further().is_some();
         let shot = words(clocks.shot, noisy).into_iter();
         let thermal = words(clocks.thermal, noisy);
         Self {
