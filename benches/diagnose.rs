@@ -6,10 +6,16 @@
 //! what was judged as one file of lines, `--profile` prints the seconds of every phase, `--only` takes sensors whose id holds
 //! TEXT, and `--large` takes sets of 128x96 pixels and 10,000 readouts, which need a folder and a file of their own.
 
+#[path = "diagnose/each.rs"]
+mod each;
 #[path = "../tests/hidden_sensor/mod.rs"]
 mod hidden_sensor;
+#[path = "diagnose/jobs.rs"]
+mod jobs;
 #[path = "diagnose/judged.rs"]
 mod judged;
+#[path = "diagnose/phases.rs"]
+mod phases;
 #[path = "diagnose/records.rs"]
 mod records;
 #[path = "diagnose/report.rs"]
@@ -28,7 +34,9 @@ mod version;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use hidden_sensor::{INSIDE, Kind, LARGE, OUTSIDE, Physics, SMALL, Sensor, Size, changes_bits, write_set};
+use hidden_sensor::{LARGE, Physics, SMALL, Sensor, Size, changes_bits, write_set};
+use jobs::{Job, jobs, uniform};
+use phases::Phases;
 use serde_json::{Value, json};
 use spikelane::calibrate::RecordingSet;
 use spikelane::diagnose::{Extent, Options, Part, Reference, Setup, diagnose, published};
@@ -93,27 +101,6 @@ fn arguments() -> Args {
     args
 }
 
-/// What is hidden in a sensor.
-struct Job {
-    class: &'static str,
-    kinds: Vec<&'static Kind>,
-    index: usize,
-}
-
-impl Job {
-    fn id(&self) -> String {
-        let names: Vec<String> = self.kinds.iter().map(|k| k.name.replace(' ', "_")).collect();
-        format!("{}-{}-{:03}", self.class, names.join("+"), self.index)
-    }
-
-    fn seed(&self) -> u64 {
-        // FNV-1a of the name: a sensor is the same in every run of the study.
-        self.id()
-            .bytes()
-            .fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01B3))
-    }
-}
-
 fn main() {
     let args = arguments();
     std::fs::create_dir_all(&args.folder).unwrap();
@@ -140,56 +127,8 @@ fn main() {
         records::keep(&args.folder, lines);
     }
     if let Some(path) = &args.report {
-        report::write(&args.folder, path);
+        report::write(&args.folder, path, args.size.width == LARGE.width);
     }
-}
-
-fn jobs(args: &Args) -> Vec<Job> {
-    let [nulls, singles, unknown, doubles, triples] = args.counts;
-    let wanted = |k: &&Kind| args.names.is_empty() || args.names.iter().any(|n| n == k.name);
-    let chosen = |k: &&&'static Kind| spikelane::effects::find(k.name).is_ok() && wanted(k);
-    // Other numbers of the base model are what calibration fits: nothing to find.
-    let base = ["thermal_noise", "prnu", "dark_current"];
-    let all: Vec<&'static Kind> = INSIDE.iter().collect();
-    let inside: Vec<&'static Kind> =
-        all.iter().filter(chosen).copied().filter(|k| !base.contains(&k.name)).collect();
-    let most = args.counts.into_iter().max().unwrap_or(0);
-    let mut jobs = Vec::new();
-    for index in 0..most {
-        if index < nulls {
-            jobs.push(Job { class: "null", kinds: Vec::new(), index });
-        }
-        // Side by side, so that a run that is cut short has some of each.
-        let outside = OUTSIDE.iter().filter(|k| index < unknown && wanted(k)).map(|k| Job {
-            class: "outside",
-            kinds: vec![k],
-            index,
-        });
-        let mut outside = outside.collect::<Vec<_>>().into_iter();
-        for (i, kind) in inside.iter().enumerate().filter(|_| index < singles) {
-            jobs.push(Job { class: "single", kinds: vec![*kind], index });
-            if i % 3 == 2 {
-                jobs.extend(outside.next());
-            }
-        }
-        jobs.extend(outside);
-        if index < doubles {
-            jobs.push(Job { class: "double", kinds: several(&inside, 2, index), index });
-        }
-        if index < triples {
-            jobs.push(Job { class: "triple", kinds: several(&inside, 3, index), index });
-        }
-    }
-    jobs
-}
-
-/// Different effects, any with any other.
-fn several(inside: &[&'static Kind], count: usize, index: usize) -> Vec<&'static Kind> {
-    let mut left = inside.to_vec();
-    let seed = (count * 1_000_000 + index) as u64;
-    let draw =
-        |k: usize| left.swap_remove((uniform(seed, k as u64) * left.len() as f64) as usize % left.len());
-    (0..count).map(draw).collect()
 }
 
 /// The simulations that all sensors share: they have one protocol and one published model.
@@ -226,36 +165,6 @@ fn shared(args: &Args) -> (Reference, Strengths) {
     std::fs::write(&file, serde_json::to_string_pretty(&whole).unwrap()).unwrap();
     std::fs::remove_dir_all(&clean).unwrap();
     (reference, nameable.into_iter().map(|n| (n.name.to_owned(), n.strength)).collect())
-}
-
-/// Prints how long each phase took, if asked to.
-struct Phases {
-    on: bool,
-    now: Option<(String, Instant)>,
-}
-
-impl Phases {
-    fn new(on: bool) -> Self {
-        Self { on, now: None }
-    }
-
-    fn enter(&mut self, what: &str) {
-        if self.now.as_ref().is_some_and(|n| n.0 == what) {
-            return;
-        }
-        if let (true, Some((before, since))) = (self.on, &self.now) {
-            println!("    {before:<24} {:.2} s", since.elapsed().as_secs_f64());
-        }
-        self.now = (!what.is_empty()).then(|| (what.to_owned(), Instant::now()));
-    }
-}
-
-fn uniform(seed: u64, place: u64) -> f64 {
-    // splitmix64
-    let mut z = seed.wrapping_add(0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(place + 1));
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    (z ^ (z >> 31)) as f64 / u64::MAX as f64
 }
 
 fn run(job: &Job, reference: &Reference, nameable: &Strengths, args: &Args) -> Value {

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
+use super::each::each;
 use super::judged::{Gaps, covers, gap};
 use super::several::Several;
 use super::share::Share;
@@ -52,15 +53,19 @@ fn add(row: &mut Row, record: &Value) {
     }
 }
 
-/// Replaces what lies between the marks of the page, or makes the page.
-pub fn write(folder: &Path, path: &Path) {
-    const MARKS: (&str, &str) = ("<!-- tables -->\n", "<!-- end of tables -->");
-    let tables = tables(&super::records::all(folder));
-    let page =
-        std::fs::read_to_string(path).unwrap_or_else(|_| format!("# Diagnosis\n\n{}{}\n", MARKS.0, MARKS.1));
-    let (before, rest) = page.split_once(MARKS.0).expect("the page has marks for its tables");
-    let (_, after) = rest.split_once(MARKS.1).expect("the tables have an end");
-    std::fs::write(path, format!("{before}{}{tables}{}{after}", MARKS.0, MARKS.1)).unwrap();
+/// Replaces what lies between the marks of the page, or makes the page. The few sensors of the large size have marks and a table
+/// of their own.
+pub fn write(folder: &Path, path: &Path, large: bool) {
+    let records = super::records::all(folder);
+    let (start, end, tables) = if large {
+        ("<!-- large -->\n", "<!-- end of large -->", each(&records))
+    } else {
+        ("<!-- tables -->\n", "<!-- end of tables -->", tables(&records))
+    };
+    let page = std::fs::read_to_string(path).unwrap_or_else(|_| format!("# Diagnosis\n\n{start}{end}\n"));
+    let (before, rest) = page.split_once(start).expect("the page has marks for its tables");
+    let (_, after) = rest.split_once(end).expect("the tables have an end");
+    std::fs::write(path, format!("{before}{start}{tables}{end}{after}")).unwrap();
 }
 
 fn tables(records: &[Value]) -> String {
