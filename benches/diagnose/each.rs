@@ -55,7 +55,7 @@ fn said(record: &Value) -> String {
     };
     let misfit = |m: &Value| format!("misfit of `{}`", m["parameter"].as_str().unwrap_or("?"));
     let all = [list(&record["said"]["effects"], effect), list(&record["said"]["misfits"], misfit)];
-    or_nothing(all.iter().filter(|s| !s.is_empty()).cloned().collect::<Vec<_>>().join("; "))
+    or_nothing(all.into_iter().filter(|s| !s.is_empty()).collect::<Vec<_>>().join("; "))
 }
 
 fn or_nothing(words: String) -> String {
