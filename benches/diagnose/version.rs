@@ -54,11 +54,14 @@ const SOURCES: [&str; 38] = [
 ];
 
 /// What chooses a name, once something is wrong, and tells how strong it is.
-const NAMING: [&str; 8] = [
+const NAMING: [&str; 11] = [
     include_str!("../../src/diagnose/crossed.rs"),
     include_str!("../../src/diagnose/drawn.rs"),
     include_str!("../../src/diagnose/interval.rs"),
     include_str!("../../src/diagnose/likelihood.rs"),
+    include_str!("../../src/diagnose/located.rs"),
+    include_str!("../../src/diagnose/lost.rs"),
+    include_str!("../../src/diagnose/pinned.rs"),
     include_str!("../../src/diagnose/round.rs"),
     include_str!("../../src/diagnose/search.rs"),
     include_str!("../../src/diagnose/slope.rs"),

@@ -1,4 +1,4 @@
-//! Noise that moves a whole recording: how many lost or repeated readouts it happens to hold.
+//! Noise that moves a whole recording: how many lost or repeated readouts it happens to hold, where they cannot be located.
 //!
 //! Six events expected are four or nine found, and every statistic of that recording that sees them moves with their number.
 //! Taken as noise of each statistic by itself, that would make the wrong event, which is also noisy, as likely as the right one.
@@ -6,13 +6,11 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::fit::Fit;
+use super::located::kind;
 use super::metric::Metric;
 use super::quiet::quiet;
 use super::reference::{Reference, average};
 use crate::error::Result;
-
-/// Effects that happen to whole readouts, by a probability for each.
-pub(super) const EVENTS: [&str; 2] = ["dropped_readouts", "repeated_readouts"];
 
 /// Pairs of simulations that tell what an event moves.
 const PAIRS: usize = 2;
@@ -24,7 +22,10 @@ impl Reference {
         for (e, (name, _)) in fit.effects.iter().enumerate() {
             let j = fit.knobs_of(e).start;
             let probability = fit.model.knobs[j].value(fit.u[j]);
-            if !EVENTS.contains(name) || probability <= 0.0 {
+            let Some(kind) = kind(name).filter(|_| probability > 0.0) else { continue };
+            let by_chance = |k: &usize| fit.model.pinned.places(*k)[kind].is_none();
+            let scenes: Vec<usize> = (0..self.setup.scenes.len()).filter(by_chance).collect();
+            if scenes.is_empty() {
                 continue;
             }
             // From half of them: twice the root of a count is no straight line from none.
@@ -33,8 +34,8 @@ impl Reference {
             let fewer = self.mean_of(&fit.model, &fewer, PAIRS.min(fit.each.len()), Vec::new())?;
             let change: Vec<DVector<f64>> = fewer.each.iter().zip(&fit.each).map(|(a, b)| b - a).collect();
             let change = quiet(2.0 * average(&change), &self.spread, change.len());
-            for (k, scene) in self.setup.scenes.iter().enumerate() {
-                let expected = probability * scene.readouts as f64;
+            for k in scenes {
+                let expected = probability * self.setup.scenes[k].readouts as f64;
                 let own = |i: usize| f64::from(u8::from(self.statistics[i].recording == Some(k)));
                 columns.push(DVector::from_fn(change.len(), |i, _| own(i) * change[i] / expected.sqrt()));
             }

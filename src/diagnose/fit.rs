@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::candidates::Candidate;
 use super::likelihood::Likelihood;
+use super::located::Events;
 use super::metric::{Bound, Metric};
 use super::model::{Model, Scale};
 use super::reference::{Reference, Signature};
@@ -16,6 +17,8 @@ pub(super) struct Fit {
     /// Effects in the order in which they were added, with the number of knobs of each.
     pub effects: Vec<(&'static str, usize)>,
     pub model: Model,
+    /// Lost and repeated readouts of the sets at hand.
+    pub located: Events,
     pub u: Vec<f64>,
     pub mean: DVector<f64>,
     pub each: Vec<DVector<f64>>,
@@ -50,11 +53,12 @@ const WORTH_OF_BASE: f64 = 0.1;
 
 impl Fit {
     /// The base model.
-    pub fn base(reference: &Reference, data: &DVector<f64>) -> Self {
+    pub fn base(reference: &Reference, data: &DVector<f64>, located: Events) -> Self {
         let off = data - &reference.mean;
         Self {
             effects: Vec::new(),
             model: reference.model.clone(),
+            located,
             u: vec![0.0; reference.model.knobs.len()],
             mean: reference.mean.clone(),
             each: reference.baseline.clone(),
@@ -117,6 +121,7 @@ impl Fit {
             next.model.knobs.push(*knob);
             next.u.push(knob.clamped(if i == 0 { at * scale } else { *at }));
         }
+        next.pin();
         next
     }
 
@@ -127,6 +132,7 @@ impl Fit {
         next.model.knobs.drain(range.clone());
         next.u.drain(range);
         next.effects.remove(effect);
+        next.pin();
         next
     }
 
@@ -164,7 +170,11 @@ impl Fit {
     pub fn bounds(&self) -> Vec<Bound> {
         let bound = |j: usize| {
             let (knob, u, base) = (self.model.knobs[j], self.u[j], j < self.base_knobs());
-            let most = if base { 0.3 } else { trust(knob.scale, u) };
+            let most = match self.count(j) {
+                Some(_) => 0.0,
+                None if base => 0.3,
+                None => trust(knob.scale, u),
+            };
             let [low, high] = [u - most, u + most].map(|u| knob.clamped(u));
             Bound { low: low - u, high: high - u, leans: -u, weight: if base { LEANING } else { 0.0 } }
         };
@@ -178,7 +188,12 @@ impl Fit {
             let knob = self.model.knobs[j];
             12.0 / (knob.position(knob.range.1) - knob.position(knob.range.0)).powi(2)
         };
-        (0..self.u.len()).map(|j| if j < self.base_knobs() { LEANING } else { of_effect(j) }).collect()
+        let of_number = |j: usize| match self.count(j) {
+            Some(count) => (self.model.knobs[j].unit / count.deviation()).powi(2),
+            None if j < self.base_knobs() => LEANING,
+            None => of_effect(j),
+        };
+        (0..self.u.len()).map(of_number).collect()
     }
 
     /// With the base model's numbers as they were calibrated: they may have moved to take in what is added now.

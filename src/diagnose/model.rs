@@ -1,5 +1,6 @@
 //! A camera with knobs: the numbers that a diagnosis may turn.
 
+use super::pinned::Pinned;
 use super::setup::{Sample, Setup};
 use crate::effects::{Camera, find};
 use crate::error::Result;
@@ -73,6 +74,8 @@ pub(super) struct Model {
     pub knobs: Vec<Knob>,
     /// Scenes whose light is known to a thousandth only.
     pub lamps: Vec<usize>,
+    /// Lost and repeated readouts that are not left to chance.
+    pub pinned: Pinned,
 }
 
 /// Relative uncertainty of a level.
@@ -107,6 +110,7 @@ impl Model {
             knobs: base.iter().filter_map(knob).filter(|k| !known(k)).collect(),
             lamps: (0..setup.scenes.len()).filter(lit).collect(),
             camera,
+            pinned: Pinned::default(),
         }
     }
 
@@ -129,7 +133,7 @@ impl Model {
         for (k, off) in self.lamps.iter().zip(lamps) {
             factors[*k] = 1.0 + off;
         }
-        Ok(Sample { camera, lamps: factors })
+        Ok(Sample { camera, lamps: factors, pinned: self.pinned.clone() })
     }
 }
 

@@ -1,6 +1,6 @@
 //! How strong an effect must be on a set before it can be named.
 
-use super::events::EVENTS;
+use super::located::EVENTS;
 use super::model::Scale;
 use super::reference::{Reference, Signature};
 use crate::error::Result;

@@ -79,7 +79,8 @@ pub(super) fn outcome(
             });
             continue;
         }
-        let evidence = round.map_or_else(String::new, |r| r.evidence.clone());
+        let evidence = round.map_or_else(String::new, |r| r.evidence.clone())
+            + &found.fit.located.words(name, &reference.setup.scenes);
         effects.push(FoundEffect { name, parameters, tied_with, resembles, evidence });
     }
     let mut notes = Vec::new();
@@ -159,6 +160,10 @@ fn parameter(found: &Found, j: usize) -> Parameter {
 
 fn parameter_at(found: &Found, j: usize, u: f64, deviation: f64) -> Parameter {
     let knob = found.fit.model.knobs[j];
+    if let Some(count) = found.fit.count(j) {
+        let [low, high] = count.interval();
+        return Parameter { name: knob.key, value: count.rate(), low, high };
+    }
     let ends = interval(knob.scale, u, deviation, found.own.additive[j]);
     let ends = ends.map(|u| knob.value(knob.clamped(u)));
     Parameter { name: knob.key, value: knob.value(u), low: ends[0].min(ends[1]), high: ends[0].max(ends[1]) }
@@ -194,18 +199,12 @@ fn base_misfits(
     contradicted(found, &reference.missed, &off, &places).iter().map(misfit).filter(worth).collect()
 }
 
-/// The last part of a recording's path.
-fn file_name(path: &str) -> String {
-    let last = std::path::Path::new(path).file_name();
-    last.map_or_else(|| path.to_owned(), |name| name.to_string_lossy().into_owned())
-}
-
 impl Reference {
     /// A statistic in words.
     pub(super) fn words(&self, i: usize) -> (String, String) {
         let s = &self.statistics[i];
         let place =
-            s.recording.map_or_else(|| "fitted maps".to_owned(), |k| file_name(&self.setup.scenes[k].name));
+            s.recording.map_or_else(|| "fitted maps".to_owned(), |k| self.setup.scenes[k].file_name());
         (s.name.to_owned(), place)
     }
 }

@@ -26,6 +26,12 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// The last part of its file's path.
+    pub(super) fn file_name(&self) -> String {
+        let last = std::path::Path::new(&self.name).file_name();
+        last.map_or_else(|| self.name.clone(), |name| name.to_string_lossy().into_owned())
+    }
+
     /// The uniform level, if it is one.
     #[must_use]
     pub fn level(&self) -> Option<f64> {

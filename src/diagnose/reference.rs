@@ -160,7 +160,7 @@ impl Reference {
     ) -> Result<Means> {
         let sample = model.sample(u, &[], self.setup.scenes.len())?;
         let simulate = |i: usize| Ok(DVector::from_vec(self.setup.values(&sample, self.seed + i as u64)?));
-        let one = |i: usize| self.remembered.or(&sample.camera, i, || simulate(i));
+        let one = |i: usize| self.remembered.or(&sample, i, || simulate(i));
         let mut each = known;
         let more = (each.len()..count.min(FIXED)).into_par_iter().map(one);
         each.extend(more.collect::<Result<Vec<_>>>()?);

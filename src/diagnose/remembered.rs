@@ -8,14 +8,14 @@ use std::sync::{Mutex, PoisonError};
 
 use nalgebra::DVector;
 
-use crate::effects::Camera;
+use super::setup::Sample;
 use crate::error::Result;
 
 /// Most vectors that are kept, some 60 MB of them.
 const MOST: usize = 20_000;
 
-/// The number of the draws, and a camera's effects with the bits of their values.
-type Key = (usize, Vec<(&'static str, Vec<u64>)>);
+/// The number of the draws, that of the readouts that are lost or repeated for certain, and a camera's effects with the bits of their values.
+type Key = (usize, u64, Vec<(&'static str, Vec<u64>)>);
 
 #[derive(Debug, Default)]
 pub(super) struct Remembered(Mutex<HashMap<Key, DVector<f64>>>);
@@ -27,16 +27,16 @@ impl Clone for Remembered {
 }
 
 impl Remembered {
-    /// The vector of `camera` with draws number `i` under the one protocol that all asked for have.
+    /// The vector of `sample` with draws number `i` under the one protocol that all asked for have.
     pub fn or(
         &self,
-        camera: &Camera,
+        sample: &Sample,
         i: usize,
         simulate: impl FnOnce() -> Result<DVector<f64>>,
     ) -> Result<DVector<f64>> {
         let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect();
-        let key: Key =
-            (i, camera.effects().iter().map(|e| (e.definition().name, bits(e.values()))).collect());
+        let effects = sample.camera.effects().iter().map(|e| (e.definition().name, bits(e.values())));
+        let key: Key = (i, sample.pinned.id(), effects.collect());
         if let Some(vector) = self.all().get(&key) {
             return Ok(vector.clone());
         }
@@ -57,23 +57,43 @@ impl Remembered {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use super::super::located::Located;
+    use super::super::pinned::Pinned;
     use super::*;
+    use crate::effects::Camera;
 
     #[test]
     fn only_the_same_camera_with_the_same_draws_is_remembered() {
         let camera = crate::presets::builtin("scsim-code").unwrap();
         let dead = camera.effect("dead_time").unwrap().clone();
         let other = camera.clone().with(dead.with("lost_fraction", 0.0021).unwrap());
+        let lost = |at: usize| Arc::new(Located(vec![[Some(vec![at]), None]]));
+        let pinned = |at: usize| Pinned::new(&lost(at), ["dropped_readouts"].into_iter());
+        let of = |camera: &Camera, pinned| Sample { camera: camera.clone(), lamps: Vec::new(), pinned };
+        let [plain, other] = [&camera, &other].map(|c| of(c, Pinned::default()));
+        let [early, late] = [7, 8].map(|at| of(&camera, pinned(at)));
         let remembered = Remembered::default();
         let mut made = 0;
-        for (camera, i) in [(&camera, 0), (&camera, 0), (&camera, 1), (&other, 0), (&camera, 1)] {
+        let asked = [
+            (&plain, 0),
+            (&plain, 0),
+            (&plain, 1),
+            (&other, 0),
+            (&plain, 1),
+            (&early, 0),
+            (&late, 0),
+            (&early, 0),
+        ];
+        for (sample, i) in asked {
             let mut simulate = || {
                 made += 1;
                 Ok(DVector::from_element(1, f64::from(made)))
             };
-            remembered.or(camera, i, &mut simulate).unwrap();
+            remembered.or(sample, i, &mut simulate).unwrap();
         }
-        assert_eq!(made, 3);
-        assert_eq!(remembered.or(&camera, 1, || unreachable!()).unwrap()[0], 2.0);
+        assert_eq!(made, 5);
+        assert_eq!(remembered.or(&plain, 1, || unreachable!()).unwrap()[0], 2.0);
     }
 }

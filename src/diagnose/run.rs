@@ -10,6 +10,7 @@ use super::candidates::Candidate;
 use super::case::{Case, Judge};
 use super::diagnosis::Diagnosis;
 use super::extent::{Extent, Part};
+use super::located::Events;
 use super::notes::of_the_sets;
 use super::outcome::outcome;
 use super::picture::pictures;
@@ -63,11 +64,14 @@ pub fn diagnose(
     progress("reading", 0.0);
     let measured = setup.measure(set)?;
     let data = DVector::from_vec(measured.values.clone());
-    let held = DVector::from_vec(other.measure(holdout.unwrap_or(set))?.values);
+    let other_measured = other.measure(holdout.unwrap_or(set))?;
+    let held = DVector::from_vec(other_measured.values);
+    let held_out = holdout.is_some() || !alone;
     let judge = Judge {
         data: &held,
         setup: (first != second).then_some(&other),
-        held_out: holdout.is_some() || !alone,
+        held_out,
+        located: Events::new(measured.located.clone(), other_measured.located, held_out, &setup.scenes),
     };
     let sets = Sets { set, measured: &measured, data: &data, judge: &judge };
     let (reference, mut found) = match options.reference {

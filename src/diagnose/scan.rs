@@ -15,7 +15,7 @@ use crate::spikes::{Geometry, Packed};
 pub(super) const BLOCKS: usize = 8;
 
 /// Runs of pixels that are looked at side by side. A fixed number: sums of parts depend on where they are cut.
-const BANDS: usize = 8;
+pub(super) const BANDS: usize = 8;
 
 /// Lags of the phase variance, in intervals.
 pub(super) const LAGS: [usize; 3] = [1, 4, 16];

@@ -5,6 +5,8 @@ use std::borrow::Cow;
 use rayon::prelude::*;
 
 use super::extent::{Extent, Part, cut};
+use super::located::{Located, places};
+use super::pinned::{Pinned, put_in, replaced};
 use super::recorded::Scene;
 use super::scan::{Scan, scan};
 use super::still::{self, Still};
@@ -46,6 +48,8 @@ pub struct Setup {
 pub(super) struct Sample {
     pub camera: Camera,
     pub lamps: Vec<f64>,
+    /// Lost and repeated readouts that are not left to chance.
+    pub pinned: Pinned,
 }
 
 /// A measured set: its vector of statistics and the scans that it comes from.
@@ -53,6 +57,7 @@ pub(super) struct Sample {
 pub(super) struct Measured {
     pub scans: Vec<Scan>,
     pub values: Vec<f64>,
+    pub located: Located,
 }
 
 impl Setup {
@@ -121,19 +126,20 @@ impl Setup {
     pub(super) fn measure(&self, set: &RecordingSet) -> Result<Measured> {
         if self.maps {
             let values = still::measured_maps(self, set)?;
-            return Ok(Measured { scans: Vec::new(), values });
+            return Ok(Measured { scans: Vec::new(), values, located: Located::default() });
         }
-        let mut scans = Vec::new();
+        let (mut scans, mut located) = (Vec::new(), Vec::new());
         for (scene, recording) in self.scenes.iter().zip(&set.recordings) {
             let bytes = self.part(set, recording, scene)?;
             let mut found = scan_of(self.geometry, &bytes, scene)?;
             if let Some(still) = &scene.still {
                 still.keep(&mut found);
             }
+            located.push(places(Packed::new(self.geometry, &bytes)?, &found, scene));
             scans.push(found);
         }
         let values = vector(self, &scans).values;
-        Ok(Measured { scans, values })
+        Ok(Measured { scans, values, located: Located(located) })
     }
 
     /// The bits of a recording, as far as they are looked at.
@@ -211,11 +217,15 @@ impl Setup {
     fn bits_of(&self, model: &Model, sample: &Sample, k: usize, seed: u64) -> Result<Vec<u8>> {
         let scene = &self.scenes[k];
         let lamp = sample.lamps[k];
-        let model = in_any_phase(model, seed, k);
+        let mut model = in_any_phase(model, seed, k);
+        let events = sample.pinned.places(k);
+        if model.ops.iter().any(|op| replaced(op, &events)) {
+            model.to_mut().ops.retain(|op| !replaced(op, &events));
+        }
         let plan = Plan::of_model(&model, seeds(seed, k), (scene.greatest() * lamp).max(0.01))?;
         let mut simulator = Simulator::of_plan(plan);
         let (bytes, width) = (self.geometry.frame_bytes(), self.geometry.width());
-        let total = scene.skip + scene.readouts;
+        let total = scene.skip + scene.readouts + events[0].map_or(0, <[usize]>::len);
         let mut out = vec![0; total * bytes];
         let hold = match scene.light {
             Light::Scene(Pattern::Square { half_period, .. }) => half_period as usize,
@@ -231,6 +241,7 @@ impl Setup {
             filled += simulator.expose(frame, now, &mut out[filled * bytes..])?;
             at += now;
         }
+        put_in(&mut out, bytes, &events, scene.skip);
         out.drain(..scene.skip * bytes);
         Ok(out)
     }

@@ -80,8 +80,8 @@ impl Reference {
             if high - low < 0.5 * h {
                 (low, high) = (knob.clamped(high - h), high);
             }
-            if low == high {
-                // Held by its range.
+            if low == high || fit.count(j).is_some() {
+                // Held by its range, or counted.
                 return Ok(DVector::zeros(fit.mean.len()));
             }
             let at = |end: f64| -> Result<Vec<DVector<f64>>> {

@@ -160,6 +160,11 @@ impl Reference {
         };
         let mut starts: Vec<(&'static str, Vec<Fit>)> =
             of(fit).into_iter().map(|(name, fit)| (name, vec![fit])).collect();
+        for s in signatures.iter().filter(|s| fit.lacks(s) && fit.located.demand(s.candidate.name)) {
+            if starts.iter().all(|start| start.0 != s.candidate.name) {
+                starts.push((s.candidate.name, vec![fit.with(&s.candidate, 1.0)]));
+            }
+        }
         if fit.effects.is_empty() {
             return Ok(starts);
         }
@@ -183,8 +188,11 @@ impl Reference {
         off: &DVector<f64>,
         signatures: &[&'a Signature],
     ) -> Vec<(f64, &'a Signature)> {
-        let mut ranked: Vec<(f64, f64, &Signature)> =
-            signatures.par_iter().filter(|s| fit.lacks(s)).map(|s| promise(metric, off, s)).collect();
+        let mut ranked: Vec<(f64, f64, &Signature)> = signatures
+            .par_iter()
+            .filter(|s| fit.lacks(s) && fit.allows(s))
+            .map(|s| promise(metric, off, s))
+            .collect();
         ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
         let best = ranked.first().map_or(0.0, |r| r.0);
         let mut entrants: Vec<(f64, &Signature)> = Vec::new();

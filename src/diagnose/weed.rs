@@ -130,6 +130,10 @@ impl Case<'_> {
         let with = reference.priced(with, data);
         let mut ties = Vec::new();
         for (place, (name, _)) in at.fit.effects.iter().enumerate() {
+            // Nothing else makes readouts that are lost or written twice.
+            if at.fit.located.demand(name) {
+                continue;
+            }
             let others = self.other_names(at, &with, place)?;
             let Some(best) = others.first() else { continue };
             let gained = with.price - best.price;
