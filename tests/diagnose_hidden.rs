@@ -115,7 +115,7 @@ fn what_stands_beside_lost_or_repeated_readouts_is_found_and_these_are_counted()
         let named: Vec<&str> = found.effects.iter().filter(|e| !e.resembles).map(|e| e.name).collect();
         assert!(named.contains(&name) && named.contains(&other), "{:?} {:?}", found.verdict, found.effects);
         let said = found.effects.iter().find(|e| e.name == name).unwrap();
-        // Some 100 events are located to the last one or two: five deviations of their number.
+        // Some 100 events: five deviations of their number.
         let p = &said.parameters[0];
         assert!((p.value / 0.003 - 1.0).abs() < 0.5 && p.low < p.value && p.value < p.high, "{p:?}");
         assert!(said.evidence.contains(" found in "), "{}", said.evidence);

@@ -81,7 +81,7 @@ impl Count {
     }
 
     /// Ends of the rate's 95 % interval by the root of Poisson's law, which deviates by a half (Anscombe): within 4 % of the exact ones from
-    /// four events on.
+    /// five events on.
     pub fn interval(self) -> [f64; 2] {
         let root = |events: f64, by: f64| (events.sqrt() + by).max(0.0).powi(2) / self.readouts as f64;
         [root(self.events as f64, -0.98), root(self.events as f64 + 1.0, 0.98)]

@@ -23,7 +23,7 @@ const MISSING: Range<f64> = 1.4..2.6;
 const FEWEST: usize = 4;
 
 /// Spikes that must be expected to go with a readout: of as many, none has fewer than [`SEEN`] of them in five hundred. With eleven, as in the
-/// dark of 48x48 pixels, one in ten was not found, and one that is not found is far beyond what the model strays by.
+/// dark of 48x48 pixels, one in six was not found, and one that is not found is far beyond what the model strays by.
 const EXPECTED: f64 = 30.0;
 
 /// Share of them that must be seen, and how many times what is seen just before or after.
