@@ -12,7 +12,7 @@ use std::sync::LazyLock;
 use serde_json::Value;
 
 /// What decides on whether anything is wrong, how strong an effect can be named, and what makes the sensors.
-const SOURCES: [&str; 38] = [
+const SOURCES: [&str; 40] = [
     include_str!("../../src/diagnose/alarm.rs"),
     include_str!("../../src/diagnose/bits.rs"),
     include_str!("../../src/diagnose/candidates.rs"),
@@ -36,10 +36,12 @@ const SOURCES: [&str; 38] = [
     include_str!("../../src/diagnose/recorded.rs"),
     include_str!("../../src/diagnose/redraw.rs"),
     include_str!("../../src/diagnose/reference.rs"),
+    include_str!("../../src/diagnose/refine.rs"),
     include_str!("../../src/diagnose/remembered.rs"),
     include_str!("../../src/diagnose/run.rs"),
     include_str!("../../src/diagnose/scan.rs"),
     include_str!("../../src/diagnose/setup.rs"),
+    include_str!("../../src/diagnose/simulated.rs"),
     include_str!("../../src/diagnose/spectra.rs"),
     include_str!("../../src/diagnose/spread.rs"),
     include_str!("../../src/diagnose/still.rs"),
@@ -54,14 +56,16 @@ const SOURCES: [&str; 38] = [
 ];
 
 /// What chooses a name, once something is wrong, and tells how strong it is.
-const NAMING: [&str; 11] = [
+const NAMING: [&str; 13] = [
     include_str!("../../src/diagnose/crossed.rs"),
     include_str!("../../src/diagnose/drawn.rs"),
     include_str!("../../src/diagnose/interval.rs"),
     include_str!("../../src/diagnose/likelihood.rs"),
     include_str!("../../src/diagnose/located.rs"),
     include_str!("../../src/diagnose/lost.rs"),
+    include_str!("../../src/diagnose/missing.rs"),
     include_str!("../../src/diagnose/pinned.rs"),
+    include_str!("../../src/diagnose/repeated.rs"),
     include_str!("../../src/diagnose/round.rs"),
     include_str!("../../src/diagnose/search.rs"),
     include_str!("../../src/diagnose/slope.rs"),

@@ -81,6 +81,9 @@ const CATALOGUE: &[Entry] = entries! {
 /// Effects whose numbers belong to the base model: another value is a misfit of it.
 pub(super) const MISFITS: [&str; 1] = ["dead_time"];
 
+/// Effects of which nothing shows up to some strength, and soon after it much: a slope says little of what lies further on.
+pub(super) const SETTING_IN: [&str; 1] = ["saturation_clamp"];
+
 /// What a still scene of unknown light cannot tell from the scene, or from more or less light.
 pub(super) const OF_THE_SCENE: [&str; 18] = [
     "vignetting",

@@ -4,7 +4,6 @@ use nalgebra::DVector;
 
 use super::fit::Fit;
 use super::located::Events;
-use super::model::Model;
 use super::own::Own;
 use super::reference::{Reference, Signature};
 use super::setup::Setup;
@@ -18,25 +17,18 @@ pub(super) struct Judge<'a> {
     pub setup: Option<&'a Setup>,
     /// Whether it is other data than what was fitted.
     pub held_out: bool,
-    /// Lost and repeated readouts of both sets.
-    pub located: Events,
 }
 
 impl Judge<'_> {
     /// What `fit` promises of this set.
     fn mean(&self, reference: &Reference, fit: &Fit) -> Result<DVector<f64>> {
         match self.setup {
-            Some(setup) => reference.mean_under(setup, &self.model(fit), &fit.u),
+            Some(setup) => reference.mean_under(setup, &fit.judging(), &fit.u),
             None if fit.model.pinned.is_any() => {
-                Ok(reference.mean_of(&self.model(fit), &fit.u, fit.each.len(), Vec::new())?.mean)
+                Ok(reference.mean_of(&fit.judging(), &fit.u, fit.each.len(), Vec::new())?.mean)
             }
             None => Ok(fit.mean.clone()),
         }
-    }
-
-    /// The model of `fit` with this set's lost and repeated readouts.
-    fn model(&self, fit: &Fit) -> Model {
-        Model { pinned: fit.model.pinned.of(&self.located.judging), ..fit.model.clone() }
     }
 
     fn off(&self, reference: &Reference, fit: &Fit) -> Result<DVector<f64>> {
@@ -51,6 +43,8 @@ pub(super) struct Case<'a> {
     /// The set that is fitted.
     pub data: &'a DVector<f64>,
     pub judge: &'a Judge<'a>,
+    /// Lost and repeated readouts of both sets.
+    pub located: &'a Events,
 }
 
 /// A fitted model, what its own sensors show, and what the data have beyond that.
@@ -74,7 +68,7 @@ impl Judged {
 impl Case<'_> {
     pub fn base(&self) -> Result<Judged> {
         let (fit, own) =
-            (Fit::base(self.reference, self.data, self.judge.located.clone()), self.reference.own_of_base());
+            (Fit::base(self.reference, self.data, self.located.clone()), self.reference.own_of_base());
         let left = self.alarm(&fit, &own, &(self.data - &own.mean));
         Ok(Judged { off: self.judge.off(self.reference, &fit)?, fit, own, left, left_fitted: left })
     }

@@ -1,14 +1,14 @@
-//! Fitting effects to a set: Gauss-Newton over simulated means, in a region of trust.
+//! A model with effects and what it says of a set.
 
 use nalgebra::{DMatrix, DVector};
 
-use super::candidates::Candidate;
+use super::candidates::{Candidate, SETTING_IN};
 use super::likelihood::Likelihood;
 use super::located::Events;
 use super::metric::{Bound, Metric};
 use super::model::{Model, Scale};
 use super::reference::{Reference, Signature};
-use super::slope::{Secant, Taken};
+use super::slope::Taken;
 use crate::error::Result;
 
 /// A model with effects, fitted.
@@ -44,12 +44,6 @@ pub(super) struct Fit {
 /// How strongly a number of the base model is drawn back to its calibrated value: as by a measurement to a half of it.
 /// Without that, two that the set hardly tells apart, such as the spreads of gain and of threshold, wander.
 pub(super) const LEANING: f64 = 4.0;
-
-/// What a step must promise to be simulated: this fall of the cost, and this share of it.
-const WORTH: (f64, f64) = (0.5, 0.003);
-
-/// Move of a number of the base model from which on a step is always simulated: the cost is free along these, and promises nothing.
-const WORTH_OF_BASE: f64 = 0.1;
 
 impl Fit {
     /// The base model.
@@ -100,6 +94,16 @@ impl Fit {
     /// Whether it does not have the effect of this signature.
     pub fn lacks(&self, signature: &Signature) -> bool {
         self.effects.iter().all(|e| e.0 != signature.candidate.name)
+    }
+
+    /// The metric of this model's noise, with what the data have been fitted along projected out.
+    pub fn metric(&self, reference: &Reference) -> Metric {
+        Metric::new(&self.likelihood.noise, self.directions(reference))
+    }
+
+    /// Whether one of its effects sets in late.
+    pub fn sets_in(&self) -> bool {
+        self.effects.iter().any(|e| SETTING_IN.contains(&e.0))
     }
 
     /// Number of base knobs.
@@ -241,52 +245,5 @@ impl Reference {
         fit.likelihood = self.likelihood(fit)?;
         fit.cost = fit.likelihood.deviance(&off);
         Ok(())
-    }
-
-    /// Gauss-Newton from where `fit` stands, `rounds` at most, each mean from `count` simulations.
-    pub(super) fn refine(
-        &self,
-        mut fit: Fit,
-        data: &DVector<f64>,
-        rounds: usize,
-        count: usize,
-    ) -> Result<Fit> {
-        self.evaluate(&mut fit, data, count)?;
-        for round in 0..rounds {
-            // Common draws: a difference needs fewer simulations than a mean.
-            self.derive(&mut fit, count.div_ceil(2), Secant::Ahead)?;
-            let Some(next) = self.line_search(&fit, data, count)? else { break };
-            let gained = fit.cost - next.cost;
-            fit = next;
-            if round + 1 < rounds && gained < 0.01 * fit.cost.max(0.0) + 1.0 {
-                break;
-            }
-        }
-        Ok(fit)
-    }
-
-    /// The first of these steps that helps: the whole one, that of the effects alone, or a part of the whole one. Where the base
-    /// model's numbers stay, draws are alike to those of all of its simulations, and the mean has less noise than a small
-    /// move of theirs gains.
-    fn line_search(&self, fit: &Fit, data: &DVector<f64>, count: usize) -> Result<Option<Fit>> {
-        let off = data - &fit.mean;
-        let metric = Metric::new(&fit.likelihood.noise, fit.directions(self));
-        let wanted = |bounds: &[Bound]| metric.bounded(&off, bounds);
-        let whole = wanted(&fit.bounds());
-        let worth = |step: &DVector<f64>| {
-            let promised = fit.cost - fit.deviance_of(&metric.after(&off, step));
-            promised > WORTH.0 + WORTH.1 * fit.cost || step.rows(0, fit.base_knobs()).amax() > WORTH_OF_BASE
-        };
-        for step in [whole.clone(), wanted(&fit.bounds_of_effects()), whole * 0.4] {
-            if !worth(&step) {
-                continue;
-            }
-            let mut next = fit.moved(&step);
-            self.evaluate(&mut next, data, count)?;
-            if next.cost < fit.cost {
-                return Ok(Some(next));
-            }
-        }
-        Ok(None)
     }
 }

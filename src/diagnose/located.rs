@@ -9,17 +9,12 @@ use std::sync::Arc;
 use super::bits::PixelBits;
 use super::lost::{completed, lost, periods};
 use super::recorded::Scene;
+use super::repeated::repeated;
 use super::scan::Scan;
-use crate::spikes::{Packed, bit};
+use crate::spikes::Packed;
 
 /// Effects that happen to whole readouts, by a probability for each.
 pub(super) const EVENTS: [&str; 2] = ["dropped_readouts", "repeated_readouts"];
-
-/// Mean number of bits that change from one readout to the next from which on readouts are compared.
-const CHANGING: f64 = 4.0;
-
-/// Pixels that an equal readout must have whose doing the same twice running is no chance.
-const PLAIN: usize = 2;
 
 /// Events from which on the name is tried whatever its signature promises, and those that are said one by one.
 const SEVERAL: usize = 3;
@@ -30,33 +25,15 @@ const SAID: usize = 4;
 pub(super) type Places = [Option<Vec<usize>>; EVENTS.len()];
 
 /// Those of a recording.
-pub(super) fn places(frames: Packed<'_>, scan: &Scan, scene: &Scene) -> Places {
+pub(super) fn places(frames: Packed<'_>, bits: &PixelBits, scan: &Scan, scene: &Scene) -> Places {
     if scene.still.is_some() {
         return [None, None];
     }
-    let repeated = repeated(frames, scan);
-    let bits = PixelBits::new(frames);
-    let lost =
-        lost(&bits, &periods(scene, &scan.stretches, bits.readouts), repeated.as_deref().unwrap_or(&[]));
+    let periods = periods(scene, &scan.stretches, bits.readouts);
+    let repeated = repeated(frames, bits, scan, &periods);
+    let lost = lost(bits, &periods, repeated.as_deref().unwrap_or(&[]));
     let half = scene.half_period().unwrap_or(0);
     [lost.map(|lost| completed(lost, &scan.stretches, half)), repeated]
-}
-
-/// Readouts that are those before them once more.
-fn repeated(frames: Packed<'_>, scan: &Scan) -> Option<Vec<usize>> {
-    let changes = scan.changes.iter().map(|c| f64::from(*c)).sum::<f64>() / scan.changes.len().max(1) as f64;
-    let (readouts, bytes) = (scan.totals.len() as u32, scan.geometry.frame_bytes());
-    // A pixel that fires at fewer than half of the readouts does not fire twice running, and one that fires at more does not miss twice
-    // running. A dead one always misses and tells nothing.
-    let tells = |frame: &[u8], p: usize| {
-        let own = if bit(frame, p) { scan.pixels[p].count } else { readouts - scan.pixels[p].count };
-        2 * own < readouts
-    };
-    let again = |t: &usize| {
-        let frame = &frames.bytes()[t * bytes..(t + 1) * bytes];
-        scan.changes[*t - 1] == 0 && (0..scan.pixels.len()).filter(|p| tells(frame, *p)).count() >= PLAIN
-    };
-    (changes >= CHANGING).then(|| (1..scan.totals.len()).filter(again).collect())
 }
 
 /// Those of a set.
@@ -159,35 +136,7 @@ impl Events {
 
 #[cfg(test)]
 mod tests {
-    use super::super::pinned::put_in;
-    use super::super::scan::{Look, scan};
     use super::*;
-    use crate::spikes::{Geometry, set_bit};
-
-    /// 16x16 pixels of which the first eight never fire, and every `period`-th of the others at each readout.
-    fn shown(period: usize, again: &[usize]) -> Option<Vec<usize>> {
-        let geometry = Geometry::new(16, 16).unwrap();
-        let mut bytes = vec![0; 400 * geometry.frame_bytes()];
-        for (t, frame) in bytes.chunks_exact_mut(geometry.frame_bytes()).enumerate() {
-            (8..256).filter(|p| (p + t) % period == 0).for_each(|p| set_bit(frame, p));
-        }
-        let places = [None, Some(again)];
-        put_in(&mut bytes, geometry.frame_bytes(), &places, 0);
-        let frames = Packed::new(geometry, &bytes).unwrap();
-        repeated(frames, &scan(frames, Look::default()))
-    }
-
-    #[test]
-    fn readouts_that_repeat_the_one_before_are_found_in_every_light() {
-        // After two in succession every third pixel fires as it did before them.
-        for (period, again) in
-            [(3, vec![17, 301]), (5, vec![17, 18, 301]), (60, vec![17, 18]), (120, vec![17, 301])]
-        {
-            assert_eq!(shown(period, &again), Some(again), "every {period}th");
-            assert_eq!(shown(period, &[]), Some(Vec::new()), "every {period}th");
-        }
-        assert_eq!(shown(1, &[17]), None, "what never changes cannot be told");
-    }
 
     #[test]
     fn rates_are_known_as_poissons_law_says() {

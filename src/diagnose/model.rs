@@ -1,7 +1,8 @@
 //! A camera with knobs: the numbers that a diagnosis may turn.
 
 use super::pinned::Pinned;
-use super::setup::{Sample, Setup};
+use super::setup::Setup;
+use super::simulated::Sample;
 use crate::effects::{Camera, find};
 use crate::error::Result;
 

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::fit::Fit;
 use super::located::{Count, EVENTS, Located};
+use super::model::Model;
 use super::reference::Signature;
 use crate::pixel::Op;
 
@@ -86,6 +87,11 @@ impl Fit {
                 self.u[j] = knob.clamped(knob.position(count.rate()));
             }
         }
+    }
+
+    /// Its model with the lost and repeated readouts of the set that judges.
+    pub fn judging(&self) -> Model {
+        Model { pinned: self.model.pinned.of(&self.located.judging), ..self.model.clone() }
     }
 
     /// How many events a number is the probability of, where they are located: then no fit moves it.

@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 
 use nalgebra::DVector;
 
-use super::setup::Sample;
+use super::simulated::Sample;
 use crate::error::Result;
 
 /// Most vectors that are kept, some 60 MB of them.

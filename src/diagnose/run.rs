@@ -67,13 +67,9 @@ pub fn diagnose(
     let other_measured = other.measure(holdout.unwrap_or(set))?;
     let held = DVector::from_vec(other_measured.values);
     let held_out = holdout.is_some() || !alone;
-    let judge = Judge {
-        data: &held,
-        setup: (first != second).then_some(&other),
-        held_out,
-        located: Events::new(measured.located.clone(), other_measured.located, held_out, &setup.scenes),
-    };
-    let sets = Sets { set, measured: &measured, data: &data, judge: &judge };
+    let judge = Judge { data: &held, setup: (first != second).then_some(&other), held_out };
+    let located = Events::new(measured.located.clone(), other_measured.located, held_out, &setup.scenes);
+    let sets = Sets { set, measured: &measured, data: &data, judge: &judge, located: &located };
     let (reference, mut found) = match options.reference {
         Some(reference) => {
             same_protocol(&setup, &reference.setup)?;
@@ -100,11 +96,12 @@ struct Sets<'a> {
     measured: &'a Measured,
     data: &'a DVector<f64>,
     judge: &'a Judge<'a>,
+    located: &'a Events,
 }
 
 impl Sets<'_> {
     fn case<'a>(&'a self, reference: &'a Reference, signatures: &'a [Signature]) -> Case<'a> {
-        Case { reference, signatures, data: self.data, judge: self.judge }
+        Case { reference, signatures, data: self.data, judge: self.judge, located: self.located }
     }
 
     /// From the camera that is given, or from a calibrated one.

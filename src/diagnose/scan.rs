@@ -78,16 +78,20 @@ pub(super) struct Scan {
 
 /// Scans packed frames for what `look` asks.
 pub(super) fn scan(frames: Packed<'_>, look: Look) -> Scan {
+    scan_turned(frames, &PixelBits::new(frames), look)
+}
+
+/// The same where the frames have been turned round already.
+pub(super) fn scan_turned(frames: Packed<'_>, bits: &PixelBits, look: Look) -> Scan {
     let [totals, changes] = totals(frames);
     let stretches = look.half_period.map_or_else(Vec::new, |half| stretches(&totals, half));
     let dark: Vec<_> = dark_windows(&stretches).collect();
-    let bits = PixelBits::new(frames);
     let geometry = bits.geometry;
     let n = geometry.pixels();
     let rows = n.div_ceil(BANDS);
     let of_band = |band: usize| {
         let pixels = (band * rows).min(n)..((band + 1) * rows).min(n);
-        counting_with(Band { bits: &bits, pixels, dim: look.dim, dark: &dark })
+        counting_with(Band { bits, pixels, dim: look.dim, dark: &dark })
     };
     let parts: Vec<(Vec<PixelScan>, Deviations)> = (0..BANDS).into_par_iter().map(of_band).collect();
     let mut pixels = Vec::with_capacity(n);
@@ -99,8 +103,8 @@ pub(super) fn scan(frames: Packed<'_>, look: Look) -> Scan {
     Scan {
         geometry,
         changes,
-        row_halves: if look.rows { row_halves(&bits) } else { 0.0 },
-        neighbours: neighbours(&bits, &pixels),
+        row_halves: if look.rows { row_halves(bits) } else { 0.0 },
+        neighbours: neighbours(bits, &pixels),
         pixels,
         totals,
         deviations,

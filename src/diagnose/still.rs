@@ -3,7 +3,8 @@
 use super::maps::{self, Map};
 use super::recorded::Scene;
 use super::scan::{Look, PixelScan, Scan, scan};
-use super::setup::{Sample, Setup};
+use super::setup::Setup;
+use super::simulated::Sample;
 use super::vector::Vector;
 use crate::calibrate::{RecordingSet, observe};
 use crate::draws::Seeds;
