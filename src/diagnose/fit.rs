@@ -1,4 +1,4 @@
-//! A model with effects and what it says of a set.
+//! A model with effects, fitted to a set.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -37,7 +37,7 @@ impl Reference {
         Ok(fit)
     }
 
-    /// The first of these steps that helps: the whole one, that of the effects alone, or a part of the whole one. Where the base
+    /// The first of these steps that helps: the whole one, that of the effects alone (first where one sets in), or a part of the whole one. Where the base
     /// model's numbers stay, draws are alike to those of all of its simulations, and the mean has less noise than a small
     /// move of theirs gains.
     fn line_search(&self, fit: &Fit, data: &DVector<f64>, count: usize) -> Result<Option<Fit>> {

@@ -96,6 +96,8 @@ mod tests {
         }
         let lights = |at: usize| vec![std::iter::once(0..at).collect(), std::iter::once(at..400).collect()];
         assert_eq!(told(geometry, &bytes, &lights(320)), Some(Vec::new()));
+        let one = told(geometry, &bytes, &vec![std::iter::once(0..400).collect()]).unwrap();
+        assert!(one.len() > 50, "taken for one light, the silence looks repeated: {one:?}");
         put_in(&mut bytes, geometry.frame_bytes(), &[None, Some(&[17, 390])], 0);
         assert_eq!(told(geometry, &bytes, &lights(320)), Some(vec![17, 390]), "in both lights");
         assert_eq!(told(geometry, &bytes, &Vec::new()), None, "no light rests");
