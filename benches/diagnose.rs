@@ -5,13 +5,18 @@
 //! this version of the code has judged; `--report FILE` writes the tables of what is there, `--records FILE` takes over and keeps
 //! what was judged as one file of lines, `--profile` prints the seconds of every phase, `--only` takes sensors whose id holds
 //! TEXT, and `--large` takes sets of 128x96 pixels and 10,000 readouts, which need a folder and a file of their own.
+//! `--again LIST` judges the sensors that LIST names, one a line, anew, compares every digit with the records, and fails where one differs.
 
+#[path = "diagnose/again.rs"]
+mod again;
 #[path = "diagnose/each.rs"]
 mod each;
 #[path = "../tests/hidden_sensor/mod.rs"]
 mod hidden_sensor;
 #[path = "diagnose/jobs.rs"]
 mod jobs;
+#[path = "diagnose/judge.rs"]
+mod judge;
 #[path = "diagnose/judged.rs"]
 mod judged;
 #[path = "diagnose/phases.rs"]
@@ -31,15 +36,14 @@ mod summary;
 #[path = "diagnose/version.rs"]
 mod version;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use hidden_sensor::{LARGE, Physics, SMALL, Sensor, Size, changes_bits, write_set};
+use hidden_sensor::{LARGE, SMALL, Size};
 use jobs::{Job, jobs, uniform};
 use phases::Phases;
 use serde_json::{Value, json};
-use spikelane::calibrate::RecordingSet;
-use spikelane::diagnose::{Extent, Options, Part, Reference, Setup, diagnose, published};
+use spikelane::diagnose::Reference;
 
 /// Log-uniform strengths, in smallest nameable ones.
 const STRENGTHS: (f64, f64) = (2.0, 30.0);
@@ -64,6 +68,7 @@ struct Args {
     minutes: f64,
     report: Option<PathBuf>,
     records: Option<PathBuf>,
+    again: Option<PathBuf>,
 }
 
 fn arguments() -> Args {
@@ -77,6 +82,7 @@ fn arguments() -> Args {
         minutes: 1e9,
         report: None,
         records: None,
+        again: None,
     };
     let mut all = std::env::args().skip(1);
     while let Some(arg) = all.next() {
@@ -94,6 +100,7 @@ fn arguments() -> Args {
             "--only" => args.only = next(),
             "--minutes" => args.minutes = next().parse().unwrap(),
             "--records" => args.records = Some(PathBuf::from(next())),
+            "--again" => args.again = Some(PathBuf::from(next())),
             "--report" => args.report = Some(PathBuf::from(next())),
             folder => args.folder = PathBuf::from(folder),
         }
@@ -103,11 +110,17 @@ fn arguments() -> Args {
 
 fn main() {
     let args = arguments();
+    if let Some(list) = &args.again {
+        let text = |path: &Path| std::fs::read_to_string(path).unwrap();
+        let lines = text(args.records.as_deref().expect("--again needs the --records to compare with"));
+        let reference = judge::reference(args.size, &mut Phases::new(args.profile));
+        std::process::exit(i32::from(!again::run(&text(list), &lines, &reference)));
+    }
     std::fs::create_dir_all(&args.folder).unwrap();
     if let Some(lines) = &args.records {
         records::restore(lines, &args.folder);
     }
-    let jobs = jobs(&args);
+    let jobs = jobs(args.counts, &args.names);
     let start = Instant::now();
     let mut reference: Option<(Reference, Strengths)> = None;
     for job in jobs.iter().filter(|j| j.id().contains(&args.only)) {
@@ -131,27 +144,19 @@ fn main() {
     }
 }
 
-/// The simulations that all sensors share: they have one protocol and one published model.
+/// The simulations that all sensors share, and how strong an effect must be to be named.
 fn shared(args: &Args) -> (Reference, Strengths) {
-    let folder = &args.folder;
-    let clean = folder.join("protocol");
-    let size = args.size;
-    write_set(&Sensor::new(Physics::default(), size.width, size.height, 1), size, 0, &clean);
-    let set = RecordingSet::open(&clean.join("recordings.toml")).unwrap();
-    let setup = Setup::of(&set, Part::Whole, Extent::Enough).unwrap();
-    let camera = published(&setup).unwrap();
     let mut phases = Phases::new(args.profile);
     let start = Instant::now();
-    let reference = Reference::new(setup, camera, 1, &mut |what, _| phases.enter(what)).unwrap();
+    let reference = judge::reference(args.size, &mut phases);
     let seconds = start.elapsed().as_secs_f64();
     phases.enter("nameable");
-    let file = folder.join("nameable.txt");
+    let file = args.folder.join("nameable.txt");
     let version = version::of_the_alarm();
     let known = std::fs::read_to_string(&file).ok().and_then(|t| serde_json::from_str::<Value>(&t).ok());
     if let Some(rows) = known.filter(|k| k["version"] == version) {
         let strengths = rows["nameable"].as_array().into_iter().flatten();
         let strength = |n: &Value| Some((n["name"].as_str()?.to_owned(), n["strength"].as_f64()?));
-        std::fs::remove_dir_all(&clean).unwrap();
         return (reference, strengths.filter_map(strength).collect());
     }
     let nameable = reference.nameable();
@@ -163,60 +168,23 @@ fn shared(args: &Args) -> (Reference, Strengths) {
     }
     let whole = json!({ "version": version, "seconds": seconds, "nameable": table });
     std::fs::write(&file, serde_json::to_string_pretty(&whole).unwrap()).unwrap();
-    std::fs::remove_dir_all(&clean).unwrap();
     (reference, nameable.into_iter().map(|n| (n.name.to_owned(), n.strength)).collect())
 }
 
 fn run(job: &Job, reference: &Reference, nameable: &Strengths, args: &Args) -> Value {
-    let (seed, size) = (job.seed(), args.size);
     let mut phases = Phases::new(args.profile);
-    phases.enter("hidden sensor");
-    let mut physics = Physics::default();
-    let mut hidden = Vec::new();
-    for (i, kind) in job.kinds.iter().enumerate() {
-        let u = |k: u64| uniform(seed, 10 * i as u64 + k);
+    let strength = |i: usize| {
+        let kind = job.kinds[i];
+        let u = uniform(job.seed(), 10 * i as u64);
         let smallest = nameable.iter().find(|n| n.0 == kind.name).map(|n| n.1);
         let wanted = match smallest {
-            Some(s) => s * STRENGTHS.0 * (STRENGTHS.1 / STRENGTHS.0).powf(u(0)),
-            None => kind.largest * OUTSIDE_RANGE.powf(u(0)),
+            Some(s) => s * STRENGTHS.0 * (STRENGTHS.1 / STRENGTHS.0).powf(u),
+            None => kind.largest * OUTSIDE_RANGE.powf(u),
         };
-        let strength = wanted.min(kind.largest);
-        (kind.set)(&mut physics, strength, [u(1), u(2), u(3)]);
-        let mut alone = Physics::default();
-        (kind.set)(&mut alone, strength, [u(1), u(2), u(3)]);
-        let changes = changes_bits(&alone, size, seed);
-        hidden.push(
-            json!({ "name": kind.name, "strength": strength, "nameable": smallest, "changes_bits": changes }),
-        );
-    }
-    let sensor = Sensor::new(physics, size.width, size.height, seed);
-    let folder = std::env::temp_dir().join(format!("spikelane-study-{}", std::process::id()));
-    let sets = [0, 1].map(|take| {
-        let path = folder.join(format!("take{take}"));
-        write_set(&sensor, size, take, &path);
-        RecordingSet::open(&path.join("recordings.toml")).unwrap()
-    });
-    let options = Options { camera: None, reference: Some(reference), seed: 1, extent: Extent::Enough };
-    let found = diagnose(&sets[0], Some(&sets[1]), options, &mut |what, _| phases.enter(what));
-    phases.enter("");
-    std::fs::remove_dir_all(&folder).unwrap();
-    let said = match &found {
-        Ok(diagnosis) => serde_json::to_value(diagnosis).unwrap(),
-        Err(error) => json!({ "error": error.to_string() }),
+        (wanted.min(kind.largest), smallest)
     };
-    let hidden = Value::from(hidden);
-    let score = score::of(&hidden, &said);
-    let version = version::of(&said);
-    let steps = found.as_ref().map_or_else(|_| Vec::new(), |d| d.traces.steps.clone());
-    json!({
-        "version": version,
-        "id": job.id(),
-        "class": job.class,
-        "hidden": hidden,
-        "score": score,
-        "steps": steps,
-        "said": said,
-    })
+    let strengths: Vec<_> = (0..job.kinds.len()).map(strength).collect();
+    judge::record(job, &strengths, reference, args.size, &mut phases)
 }
 
 fn summary(record: &Value) -> String {

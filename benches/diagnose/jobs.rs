@@ -1,6 +1,5 @@
 //! Which sensors a study has.
 
-use super::Args;
 use super::hidden_sensor::{INSIDE, Kind, OUTSIDE};
 
 /// What is hidden in a sensor.
@@ -24,17 +23,18 @@ impl Job {
     }
 }
 
-/// All sensors that are asked for, in the order in which they run.
-pub fn jobs(args: &Args) -> Vec<Job> {
-    let [nulls, singles, unknown, doubles, triples] = args.counts;
-    let wanted = |k: &&Kind| args.names.is_empty() || args.names.iter().any(|n| n == k.name);
+/// All sensors that are asked for, in the order in which they run: so many clean ones, of each single effect, of each from outside,
+/// of doubles and of triples, of the effects in `names` or of all.
+pub fn jobs(counts: [usize; 5], names: &[String]) -> Vec<Job> {
+    let [nulls, singles, unknown, doubles, triples] = counts;
+    let wanted = |k: &&Kind| names.is_empty() || names.iter().any(|n| n == k.name);
     let chosen = |k: &&&'static Kind| spikelane::effects::find(k.name).is_ok() && wanted(k);
     // Other numbers of the base model are what calibration fits: nothing to find.
     let base = ["thermal_noise", "prnu", "dark_current"];
     let all: Vec<&'static Kind> = INSIDE.iter().collect();
     let inside: Vec<&'static Kind> =
         all.iter().filter(chosen).copied().filter(|k| !base.contains(&k.name)).collect();
-    let most = args.counts.into_iter().max().unwrap_or(0);
+    let most = counts.into_iter().max().unwrap_or(0);
     let mut jobs = Vec::new();
     for index in 0..most {
         if index < nulls {

@@ -13,7 +13,7 @@ fn read(path: &Path) -> Option<Value> {
 }
 
 fn of_this_version(record: &Value) -> bool {
-    record["version"] == super::version::of(&record["said"])
+    record["version"] == super::version::of(&record["said"]).as_str()
 }
 
 /// Whether a file holds what this version of the code said.
@@ -52,11 +52,16 @@ pub fn restore(lines: &Path, folder: &Path) {
 /// Writes all records of this version, one a line.
 pub fn keep(folder: &Path, lines: &Path) {
     let mut text = String::new();
-    for mut record in all(folder) {
-        if let Some(said) = record["said"].as_object_mut() {
-            LEFT_OUT.iter().for_each(|key| drop(said.remove(*key)));
-        }
-        text += &format!("{record}\n");
+    for record in all(folder) {
+        text += &format!("{}\n", kept(record));
     }
     std::fs::write(lines, text).unwrap();
+}
+
+/// A record with what its line holds.
+pub fn kept(mut record: Value) -> Value {
+    if let Some(said) = record["said"].as_object_mut() {
+        LEFT_OUT.iter().for_each(|key| drop(said.remove(*key)));
+    }
+    record
 }
