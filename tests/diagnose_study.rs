@@ -1,22 +1,22 @@
 //! Sensors of the blind study, judged again.
 
-#[path = "../benches/diagnose/again.rs"]
+#[path = "../study/diagnose/again.rs"]
 #[allow(dead_code, reason = "the study judges a list of them")]
 mod again;
 mod hidden_sensor;
-#[path = "../benches/diagnose/jobs.rs"]
+#[path = "../study/diagnose/jobs.rs"]
 #[allow(dead_code, reason = "the study makes its list with it")]
 mod jobs;
-#[path = "../benches/diagnose/judge.rs"]
+#[path = "../study/diagnose/judge.rs"]
 mod judge;
-#[path = "../benches/diagnose/phases.rs"]
+#[path = "../study/diagnose/phases.rs"]
 mod phases;
-#[path = "../benches/diagnose/records.rs"]
+#[path = "../study/diagnose/records.rs"]
 #[allow(dead_code, reason = "the study reads and writes with it")]
 mod records;
-#[path = "../benches/diagnose/score.rs"]
+#[path = "../study/diagnose/score.rs"]
 mod score;
-#[path = "../benches/diagnose/version.rs"]
+#[path = "../study/diagnose/version.rs"]
 mod version;
 
 /// The quickest of each class in which something was named where something is hidden. Forty more are in

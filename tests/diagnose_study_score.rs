@@ -1,8 +1,8 @@
 //! How the blind study counts what was found.
 
-#[path = "../benches/diagnose/score.rs"]
+#[path = "../study/diagnose/score.rs"]
 mod score;
-#[path = "../benches/diagnose/share.rs"]
+#[path = "../study/diagnose/share.rs"]
 mod share;
 
 use serde_json::{Value, json};

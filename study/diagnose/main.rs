@@ -1,39 +1,26 @@
 //! The blind study of `diagnose`: hidden sensors of which the library knows nothing, and what it says of them.
 //!
-//! `cargo bench --bench diagnose -- FOLDER [--nulls N] [--singles N] [--unknown N] [--doubles N] [--triples N]
+//! `cargo run --release --example study-diagnose -- FOLDER [--nulls N] [--singles N] [--unknown N] [--doubles N] [--triples N]
 //! [--names A,B] [--only TEXT] [--minutes M] [--profile]` adds sensors to FOLDER, one JSON file each, and leaves those alone that
 //! this version of the code has judged; `--report FILE` writes the tables of what is there, `--records FILE` takes over and keeps
 //! what was judged as one file of lines, `--profile` prints the seconds of every phase, `--only` takes sensors whose id holds
 //! TEXT, and `--large` takes sets of 128x96 pixels and 10,000 readouts, which need a folder and a file of their own.
 //! `--again LIST` judges the sensors that LIST names, one a line, anew, compares every digit with the records, and fails where one differs.
 
-#[path = "diagnose/again.rs"]
 mod again;
-#[path = "diagnose/each.rs"]
 mod each;
-#[path = "../tests/hidden_sensor/mod.rs"]
+#[path = "../../tests/hidden_sensor/mod.rs"]
 mod hidden_sensor;
-#[path = "diagnose/jobs.rs"]
 mod jobs;
-#[path = "diagnose/judge.rs"]
 mod judge;
-#[path = "diagnose/judged.rs"]
 mod judged;
-#[path = "diagnose/phases.rs"]
 mod phases;
-#[path = "diagnose/records.rs"]
 mod records;
-#[path = "diagnose/report.rs"]
 mod report;
-#[path = "diagnose/score.rs"]
 mod score;
-#[path = "diagnose/several.rs"]
 mod several;
-#[path = "diagnose/share.rs"]
 mod share;
-#[path = "diagnose/summary.rs"]
 mod summary;
-#[path = "diagnose/version.rs"]
 mod version;
 
 use std::path::{Path, PathBuf};
@@ -88,7 +75,6 @@ fn arguments() -> Args {
     while let Some(arg) = all.next() {
         let mut next = || all.next().unwrap_or_else(|| panic!("{arg} needs a value"));
         match arg.as_str() {
-            "--bench" => {}
             "--nulls" => args.counts[0] = next().parse().unwrap(),
             "--singles" => args.counts[1] = next().parse().unwrap(),
             "--unknown" => args.counts[2] = next().parse().unwrap(),
