@@ -76,8 +76,8 @@ pub struct LightArgs {
     /// What the light does between two frames: hold, linear, or flow (along an estimated motion)
     #[arg(long, value_name = "RULE", default_value = "hold", help_heading = "Light")]
     pub insertion: Insertion,
-    /// How stored values become light: linear, srgb, or an exponent such as 2.2 [default: srgb for
-    /// images and video, linear for arrays and EXR]
+    /// How stored values become light: linear, srgb, or an exponent such as 2.2 [default: the camera's
+    /// ([light] in its file), else srgb for images and video; linear for arrays and EXR]
     #[arg(long, value_name = "FUNCTION", help_heading = "Light")]
     pub transfer: Option<Transfer>,
     /// How frames are brought to the camera's size: resize, stretch or crop
@@ -138,7 +138,7 @@ impl LightArgs {
     }
 
     fn options(&self, camera: &Camera, moving: Option<Moving>) -> Options {
-        Options { fit: self.fit, transfer: self.transfer, moving, ..Options::new(camera.sensor.geometry) }
+        Options { fit: self.fit, transfer: self.transfer, moving, ..Options::of(camera) }
     }
 
     /// Rate and timeline of light that is drawn at any rate.
@@ -272,19 +272,16 @@ fn no_rate(about: &str) -> Error {
 impl Light {
     /// For the sidecar; what only the run can tell is filled in afterwards.
     pub fn facts(&self, args: &LightArgs, camera: &Camera) -> LightFacts {
-        let by_default = if args.input.is_none() { "linear" } else { "default" };
         let insertion = format!("{:?}", self.timeline.insertion()).to_lowercase();
         let per_frame = (self.timeline != Timeline::still()).then(|| self.per_frame(args, camera));
         LightFacts {
-            source: self.source.describe(),
-            transfer: args.transfer.map_or(by_default.to_owned(), |t| t.to_string()),
             fit: format!("{:?}", args.fit).to_lowercase(),
             motion: args.motion.clone(),
             insertion,
             readouts_per_frame: per_frame,
             source_rate: self.rate.map(|r| r.to_string()),
             exposure_electrons: camera.sensor.thresholds_at_full_scale * camera.operating(0.0).electrons,
-            ..LightFacts::default()
+            ..LightFacts::of(&*self.source)
         }
     }
 

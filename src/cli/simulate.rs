@@ -6,6 +6,7 @@ use std::time::Instant;
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
 use spikelane::formats::{Layout, Reader};
+use spikelane::sensor::FrontEnd;
 use spikelane::simulate::{
     Ahead, CameraFacts, FrameRef, Outcome, Run, Sidecar, StreamFacts, Written, save_camera,
 };
@@ -130,7 +131,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     let needed = needed_bytes(args, &job, &light, layout)?;
     let free = storage::free_space(&absolute(&names.noisy))?;
     out.event(&json!({
-        "event": "start", "source": light.source.describe(), "camera": camera.name,
+        "event": "start", "source": light.source.describe(), "light": light.source.front_end().to_string(), "camera": camera.name,
         "width": camera.sensor.geometry.width(), "height": camera.sensor.geometry.height(),
         "readouts": job.expected(light.source.frames()), "bytes": needed, "free_bytes": free,
         "backend": job.backend.name(), "threads": job.threads, "layout": layout.name(),
@@ -175,6 +176,7 @@ fn needed_bytes(args: &Args, job: &Run, light: &Light, layout: Layout) -> Result
 
 fn simulate(args: &Args, job: &Run, light: Light, stop: Stop, names: &Names, out: &Out) -> Result<()> {
     let facts = light.facts(&args.light, &job.camera);
+    let front_end = light.source.front_end();
     let (layout, clean) = (job.layout, args.clean.then_some(names.clean.as_path()));
     let mut progress = Progress::new(out, stop.clone());
     let mut source = Ahead::new(light.source, stop)?;
@@ -206,7 +208,7 @@ fn simulate(args: &Args, job: &Run, light: Light, stop: Stop, names: &Names, out
     };
     // Last, so that a sidecar always speaks of files that are there.
     sidecar.write(&names.sidecar, args.force)?;
-    report(job, &outcome, &sidecar, names, seconds, out)
+    report((job, front_end), &outcome, &sidecar, names, seconds, out)
 }
 
 fn picture(args: &Args, job: &Run, outcome: &Outcome, layout: Layout, names: &Names) -> Result<()> {
@@ -219,7 +221,14 @@ fn picture(args: &Args, job: &Run, outcome: &Outcome, layout: Layout, names: &Na
     storage::write_small(&names.picture, &sheet, args.force)
 }
 
-fn report(job: &Run, o: &Outcome, sidecar: &Sidecar, names: &Names, seconds: f64, out: &Out) -> Result<()> {
+fn report(
+    (job, light): (&Run, FrontEnd),
+    o: &Outcome,
+    sidecar: &Sidecar,
+    names: &Names,
+    seconds: f64,
+    out: &Out,
+) -> Result<()> {
     let streams = 1 + u64::from(o.clean.is_some());
     let pixels = job.camera.sensor.geometry.pixels() as f64 * o.readouts as f64;
     // How fast the simulation is, not how slow the light.
@@ -230,7 +239,8 @@ fn report(job: &Run, o: &Outcome, sidecar: &Sidecar, names: &Names, seconds: f64
     let line = |what: &str, w: &Written, rate: f64| {
         format!("{what}  {}  {}, mean rate {rate:.4}", w.path.display(), bytes_text(w.bytes))
     };
-    out.say(line("noisy  ", &o.noisy, sidecar.stream.mean_rate));
+    // The first line: which curve was used is what a wrong brightness is most often due to.
+    out.say(format_args!("{}; light: {light}", line("noisy  ", &o.noisy, sidecar.stream.mean_rate)));
     if let (Some(written), Some(facts)) = (&o.clean, &sidecar.clean) {
         out.say(line("clean  ", written, facts.mean_rate));
     }
@@ -310,6 +320,6 @@ fn dry_run(args: &Args, job: &Run, light: &Light, needed: Option<u64>, free: u64
             each * 1e6
         ),
     };
-    let about = light.source.describe();
+    let about = format!("{}; light: {}", light.source.describe(), light.source.front_end());
     out.result(&event, &format!("{about}\n{known}; {} free on the disk\n", bytes_text(free)))
 }

@@ -166,7 +166,7 @@ fn drive(
         Tap { source: &mut drive, every, npy: drives.npy, folder: folder.to_owned(), middle, next: 0 };
     let timeline = Timeline::per_frame(1, Insertion::Hold)?;
     let seeds = options.seeds(&entry.id);
-    let outcome = streams(options, seeds, timeline, &mut tap, folder, "linear", &mut *watch)?;
+    let outcome = streams(options, seeds, timeline, &mut tap, folder, &mut *watch)?;
     let mut labelled = Vec::new();
     if drives.label_every > 0 {
         let wanted = labels::Wanted {
@@ -201,13 +201,12 @@ fn input(
     watch: Watch<'_>,
 ) -> Result<(Value, u64)> {
     let name = entry.input.as_deref().unwrap_or_default();
-    let mut how = light::Options::new(options.camera.sensor.geometry);
+    let mut how = light::Options::of(&options.camera);
     (how.fit, how.transfer) = (inputs.fit, inputs.transfer);
     let mut source = light::open(&inputs.folder.join(name), &how)?;
     let timeline = Timeline::per_frame(inputs.readouts_per_frame, inputs.insertion)?;
     let seeds = options.seeds(&entry.id);
-    let transfer = inputs.transfer.map_or("by kind of file".to_owned(), |t| format!("{t:?}"));
-    let outcome = streams(options, seeds, timeline, &mut *source, folder, &transfer, watch)?;
+    let outcome = streams(options, seeds, timeline, &mut *source, folder, watch)?;
     let glance = &outcome.glance;
     write(folder, "clear.png", &picture(&glance.frame.to_f32(), glance.frame.geometry())?)?;
     let about = json!({
@@ -225,7 +224,6 @@ fn streams(
     timeline: Timeline,
     source: &mut dyn Source,
     folder: &Path,
-    transfer: &str,
     watch: Watch<'_>,
 ) -> Result<Outcome> {
     let mut job = Run::new(options.camera.clone(), seeds, timeline);
@@ -242,16 +240,13 @@ fn streams(
     sidecar.camera = Some(CameraFacts::new(&options.camera)?);
     let electrons = options.camera.operating(0.0).electrons;
     sidecar.light = Some(LightFacts {
-        source: source.describe(),
-        transfer: transfer.to_owned(),
         insertion: format!("{:?}", timeline.insertion()).to_lowercase(),
         readouts_per_frame: timeline.readouts(1).map(|n| n.to_string()),
-        source_rate: source.rate().map(|r| r.to_string()),
         frames: outcome.frames,
         exposure_electrons: electrons * options.camera.sensor.thresholds_at_full_scale,
         greatest_light: outcome.greatest_light,
         frames_beyond_greatest_light: outcome.too_bright,
-        ..LightFacts::default()
+        ..LightFacts::of(source)
     });
     sidecar.write(&folder.join("stream.json"), false)?;
     Ok(outcome)

@@ -3,7 +3,7 @@
 use crate::draws::Seeds;
 use crate::error::{Error, Kind, Result};
 use crate::pixel::{Adaptation, Lag, Law, Op, Quanta, SlowNoise, Telegraph};
-use crate::sensor::Sensor;
+use crate::sensor::{FrontEnd, Sensor};
 
 use super::circuit::Circuit;
 use super::definition::{Effect, Operating};
@@ -32,6 +32,8 @@ pub struct Camera {
     pub source: String,
     /// Geometry, rate and nominal circuit.
     pub sensor: Sensor,
+    /// How it takes stored codes as light.
+    pub light: FrontEnd,
     effects: Vec<Effect>,
     /// Measured maps.
     pub maps: Maps,
@@ -45,6 +47,7 @@ impl Camera {
             name: "ideal".to_owned(),
             source: "no effects".to_owned(),
             sensor,
+            light: FrontEnd::default(),
             effects: Vec::new(),
             maps: Maps::default(),
         }

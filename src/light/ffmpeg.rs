@@ -12,8 +12,10 @@ use std::process::{Child, Command, Stdio};
 use std::thread::JoinHandle;
 
 use crate::error::{Error, Kind, Result};
+use crate::light::picture::Linear;
 use crate::light::y4m::{Matrix, Video};
-use crate::light::{Fit, Frame, Rate, Source, Transfer};
+use crate::light::{Fit, Frame, Rate, Source};
+use crate::sensor::FrontEnd;
 use crate::spikes::Geometry;
 
 /// The last lines of ffmpeg's complaints that an error repeats.
@@ -107,21 +109,15 @@ impl Decoded {
     /// # Errors
     /// [`Kind::Io`] when the file cannot be read, [`Kind::Tool`] when ffmpeg is missing or cannot decode
     /// it; otherwise as [`crate::light::y4m::Reader::new`].
-    pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>) -> Result<Self> {
-        Self::open_with("ffmpeg", path, camera, fit, transfer)
+    pub fn open(path: &Path, camera: Geometry, fit: Fit, linear: Linear) -> Result<Self> {
+        Self::open_with("ffmpeg", path, camera, fit, linear)
     }
 
     /// As [`Decoded::open`], with the name or path of the program.
     ///
     /// # Errors
     /// As [`Decoded::open`].
-    pub fn open_with(
-        program: &str,
-        path: &Path,
-        camera: Geometry,
-        fit: Fit,
-        transfer: Option<Transfer>,
-    ) -> Result<Self> {
+    pub fn open_with(program: &str, path: &Path, camera: Geometry, fit: Fit, linear: Linear) -> Result<Self> {
         std::fs::File::open(path).map_err(|e| Error::io(path.display(), e))?;
         let mut process = Process::start(path, program)?;
         let name = path.display().to_string();
@@ -140,7 +136,7 @@ impl Decoded {
                 .expected("a file with a video stream"));
         }
         let output: Box<dyn Read + Send> = Box::new(output);
-        let video = Video::with_matrix(output, &name, camera, fit, transfer, Some(Matrix::Bt709))?;
+        let video = Video::with_matrix(output, &name, camera, fit, linear, Some(Matrix::Bt709))?;
         Ok(Self { video, process, over: false })
     }
 }
@@ -170,6 +166,10 @@ impl Source for Decoded {
 
     fn rate(&self) -> Option<Rate> {
         self.video.rate()
+    }
+
+    fn front_end(&self) -> FrontEnd {
+        self.video.front_end()
     }
 
     fn describe(&self) -> String {

@@ -56,34 +56,17 @@ impl Fit {
             return Ok(frame);
         }
         self.check(from, camera)?;
-        let part = match self {
-            Self::Resize => widest(from, camera)?,
-            Self::Stretch => from,
-            Self::Crop => camera,
-        };
-        let part = crop(frame, part)?;
+        let part = crop(frame, self.part(from, camera)?)?;
         scale(part, camera)
     }
 
-    /// All of `frame`, at the scale at which [`Fit::apply`] would show its middle.
-    ///
-    /// # Errors
-    /// As [`Fit::apply`], and when the whole would be beyond the largest sensor.
-    pub fn whole(self, frame: Frame, camera: Geometry) -> Result<Frame> {
-        let from = frame.geometry();
-        self.check(from, camera)?;
-        let to = match self {
-            Self::Stretch => camera,
-            Self::Crop => from,
-            Self::Resize => {
-                let part = widest(from, camera)?;
-                Geometry::new(
-                    rounded(from.width(), camera.width(), part.width()),
-                    rounded(from.height(), camera.height(), part.height()),
-                )?
-            }
-        };
-        scale(frame, to)
+    /// The part of a picture of size `from` that [`Fit::apply`] shows.
+    fn part(self, from: Geometry, camera: Geometry) -> Result<Geometry> {
+        match self {
+            Self::Resize => widest(from, camera),
+            Self::Stretch => Ok(from),
+            Self::Crop => Ok(camera),
+        }
     }
 
     /// Refuses a crop that is larger than the picture.
@@ -99,6 +82,46 @@ impl Fit {
                 .remedy("choose a smaller camera, or resize instead of cropping"));
         }
         Ok(())
+    }
+}
+
+/// All of a picture near the camera's scale, and where in it the camera at rest sees.
+///
+/// Sides are whole pixels, so the scale is only near the camera's; origin and step make up for it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Whole {
+    /// The picture.
+    pub picture: Frame,
+    /// Its column and row under the upper left corner of the camera at rest, pixel edges at whole numbers.
+    pub origin: [f64; 2],
+    /// Its columns and rows for a pixel of the camera.
+    pub step: [f64; 2],
+}
+
+impl Whole {
+    /// All of `frame` for a camera that [`Fit::apply`] would show its part of.
+    ///
+    /// # Errors
+    /// As [`Fit::apply`], and when the whole would be beyond the largest sensor.
+    pub fn new(frame: Frame, camera: Geometry, fit: Fit) -> Result<Self> {
+        let from = frame.geometry();
+        fit.check(from, camera)?;
+        let part = fit.part(from, camera)?;
+        let picture = scale(
+            frame,
+            Geometry::new(
+                rounded(from.width(), camera.width(), part.width()),
+                rounded(from.height(), camera.height(), part.height()),
+            )?,
+        )?;
+        let to = picture.geometry();
+        let axis = |from: usize, part: usize, camera: usize, to: usize| {
+            let scale = to as f64 / from as f64;
+            (((from - part) / 2) as f64 * scale, part as f64 / camera as f64 * scale)
+        };
+        let x = axis(from.width(), part.width(), camera.width(), to.width());
+        let y = axis(from.height(), part.height(), camera.height(), to.height());
+        Ok(Self { picture, origin: [x.0, y.0], step: [x.1, y.1] })
     }
 }
 

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Kind, Result};
 use crate::light::natural::natural_cmp;
-use crate::light::picture::{self, Linear};
-use crate::light::{Fit, Frame, Rate, Source, Transfer};
+use crate::light::picture::{self, Header, Linear};
+use crate::light::{Fit, Frame, Rate, Source};
+use crate::sensor::FrontEnd;
 use crate::spikes::Geometry;
 
 /// The images of one folder (not of folders inside it), one frame each.
@@ -18,6 +19,7 @@ pub struct Folder {
     camera: Geometry,
     fit: Fit,
     linear: Linear,
+    front_end: FrontEnd,
     next: usize,
 }
 
@@ -26,17 +28,19 @@ impl Folder {
     ///
     /// # Errors
     /// [`Kind::Io`] when it cannot be listed; [`Kind::Input`] when there is no image, one cannot be
-    /// read, their sizes differ, or [`Fit::Crop`] finds them too small.
-    pub fn open(folder: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>) -> Result<Self> {
+    /// read, their sizes differ, floats are among integers, or [`Fit::Crop`] finds them too small.
+    pub fn open(folder: &Path, camera: Geometry, fit: Fit, linear: Linear) -> Result<Self> {
         let (files, ignored) = list(folder)?;
         let Some(first) = files.first() else {
             return Err(Error::new(Kind::Input, folder.display())
                 .found(format_args!("no image among {ignored} entries"))
                 .expected(format_args!("files named {}", picture::EXTENSIONS.join(", "))));
         };
-        let size = picture::size(first)?;
+        let Header { size, floats } = picture::header(first)?;
         for file in &files[1..] {
-            same_size(file, picture::size(file)?, first, size)?;
+            let header = picture::header(file)?;
+            same_size(file, header.size, first, size)?;
+            same_kind(file, header.floats, first, floats)?;
         }
         fit.check(size, camera).map_err(|e| e.within(folder.display()))?;
         Ok(Self {
@@ -46,7 +50,8 @@ impl Folder {
             size,
             camera,
             fit,
-            linear: Linear::new(transfer),
+            front_end: linear.used(floats),
+            linear,
             next: 0,
         })
     }
@@ -66,6 +71,18 @@ fn same_size(file: &Path, found: Geometry, first: &Path, size: Geometry) -> Resu
         .found(found)
         .expected(format_args!("{size} as {}", first.display()))
         .remedy("give the images one size, or put them into folders of their own"))
+}
+
+/// Codes and floats become light by different curves, which one sequence cannot have.
+fn same_kind(file: &Path, found: bool, first: &Path, floats: bool) -> Result<()> {
+    if found == floats {
+        return Ok(());
+    }
+    let name = |floats| if floats { "pixels of floats" } else { "pixels of integer codes" };
+    Err(Error::new(Kind::Input, file.display())
+        .found(name(found))
+        .expected(format_args!("{} as {}", name(floats), first.display()))
+        .remedy("put the images into folders of their own"))
 }
 
 /// The images in natural order, and how many other entries there are.
@@ -112,6 +129,10 @@ impl Source for Folder {
 
     fn rate(&self) -> Option<Rate> {
         None
+    }
+
+    fn front_end(&self) -> FrontEnd {
+        self.front_end
     }
 
     fn describe(&self) -> String {

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Kind, Result};
 use crate::light::Rate;
+use crate::sensor::{FrontEnd, Transfer};
 use crate::spikes::Geometry;
 #[cfg(feature = "files")]
 use crate::spikes::MAX_PIXELS;
@@ -201,6 +202,12 @@ pub trait Source: Send {
 
     /// Frames per second, when the input states it.
     fn rate(&self) -> Option<Rate>;
+
+    /// How its numbers became light, with nothing left to the kind of file. What is drawn is linear light, and so
+    /// are floats.
+    fn front_end(&self) -> FrontEnd {
+        FrontEnd { transfer: Some(Transfer::Linear), ..FrontEnd::default() }
+    }
 
     /// One line for people: what is read, its own size, how many frames.
     fn describe(&self) -> String;

@@ -8,6 +8,7 @@
 use std::str::FromStr;
 
 use crate::error::{Error, Kind, Result};
+use crate::light::fit::Whole;
 use crate::light::{Frame, Rate, Samples};
 use crate::spikes::Geometry;
 
@@ -75,27 +76,40 @@ impl Motion {
         Some(())
     }
 
-    /// What the camera sees of `picture` at frame `index` of `rate` frames per second.
+    /// Seconds, and steps of the pan, at frame `index` of `rate` frames per second.
+    fn time(&self, rate: Rate, index: u64) -> (f64, f64) {
+        let seconds = index as f64 / rate.hz();
+        (seconds, if self.pan_per_frame { index as f64 } else { seconds })
+    }
+
+    /// Whether the camera stands at frame `index` where a still picture would be.
+    #[must_use]
+    pub fn is_at_rest(&self, rate: Rate, index: u64) -> bool {
+        let (seconds, steps) = self.time(rate, index);
+        let panned = self.pan.iter().any(|p| p * steps != 0.0);
+        !panned && libm::pow(self.zoom, -seconds) == 1.0 && self.rotate * seconds % 360.0 == 0.0
+    }
+
+    /// What the camera sees of the picture at frame `index` of `rate` frames per second.
     ///
-    /// Integer pictures give 16-bit samples, floats stay floats. The middles of view and
-    /// picture coincide at index 0.
+    /// Integer pictures give 16-bit samples, floats stay floats.
     ///
     /// # Errors
     /// None for a valid picture; a [`Frame`] checks itself.
-    pub fn view(&self, picture: &Frame, camera: Geometry, rate: Rate, index: u64) -> Result<Frame> {
-        let seconds = index as f64 / rate.hz();
-        let steps = if self.pan_per_frame { index as f64 } else { seconds };
-        let middle = |of: Geometry| [of.width() as f64 / 2.0, of.height() as f64 / 2.0];
-        let (eye, centre) = (middle(camera), middle(picture.geometry()));
+    pub fn view(&self, whole: &Whole, camera: Geometry, rate: Rate, index: u64) -> Result<Frame> {
+        let (seconds, steps) = self.time(rate, index);
+        let eye = [camera.width() as f64 / 2.0, camera.height() as f64 / 2.0];
+        let Whole { picture, origin, step } = whole;
         let shrink = libm::pow(self.zoom, -seconds);
         let angle = (self.rotate * seconds % 360.0).to_radians();
         let (cos, sin) = (libm::cos(angle) * shrink, libm::sin(angle) * shrink);
         let at = |row: usize, col: usize| {
             let (x, y) = (col as f64 + 0.5 - eye[0], row as f64 + 0.5 - eye[1]);
-            [
-                centre[0] + x * cos + y * sin + self.pan[0] * steps,
-                centre[1] - x * sin + y * cos + self.pan[1] * steps,
-            ]
+            let seen = [
+                eye[0] + x * cos + y * sin + self.pan[0] * steps,
+                eye[1] - x * sin + y * cos + self.pan[1] * steps,
+            ];
+            [origin[0] + step[0] * seen[0], origin[1] + step[1] * seen[1]]
         };
         let of = picture.geometry();
         let samples = match picture.samples() {

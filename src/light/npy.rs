@@ -12,6 +12,7 @@ use npyz::{DType, Endianness, NpyHeader, Order, TypeChar};
 
 use crate::error::{Error, Kind, Result};
 use crate::light::{Curve, Fit, Frame, Rate, Samples, Source, Transfer, stored_size};
+use crate::sensor::FrontEnd;
 use crate::spikes::Geometry;
 
 /// The first bytes of every file.
@@ -246,6 +247,7 @@ fn element(dtype: &DType, name: &str) -> Result<(Element, bool)> {
 pub struct Array {
     reader: Reader<Box<dyn Read + Send>>,
     curve: Curve,
+    front_end: FrontEnd,
     fit: Fit,
     camera: Geometry,
 }
@@ -292,7 +294,20 @@ impl Array {
                 .remedy("leave the transfer function out"));
         }
         fit.check(reader.geometry(), camera).map_err(|e| e.within(name))?;
-        Ok(Self { reader, curve: Curve::new(transfer), fit, camera })
+        let front_end = FrontEnd { transfer: Some(transfer), ..FrontEnd::default() };
+        Ok(Self { reader, curve: Curve::new(transfer), front_end, fit, camera })
+    }
+
+    /// Takes integers as the codes of a camera's front end, unless `declared` says another transfer function; floats
+    /// stay light.
+    #[must_use]
+    pub fn with_front_end(mut self, front_end: &FrontEnd, declared: Option<Transfer>) -> Self {
+        if self.reader.element() != Element::F32 {
+            let transfer = declared.or(front_end.transfer).unwrap_or(Transfer::Linear);
+            self.curve = Curve::new(transfer);
+            self.front_end = FrontEnd { transfer: Some(transfer), ..*front_end };
+        }
+        self
     }
 
     fn linear(&self, samples: Samples) -> Samples {
@@ -335,6 +350,10 @@ impl Source for Array {
 
     fn rate(&self) -> Option<Rate> {
         None
+    }
+
+    fn front_end(&self) -> FrontEnd {
+        self.front_end
     }
 
     fn describe(&self) -> String {

@@ -3,13 +3,17 @@
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
+use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
 use crate::light::ffmpeg::Decoded;
 use crate::light::folder::Folder;
 use crate::light::npy::{self, Array};
+use crate::light::picture::Linear;
+use crate::light::scaled::scaled;
 use crate::light::still::Still;
 use crate::light::y4m::{self, Video};
 use crate::light::{Fit, Motion, Rate, Source, Transfer, npz, picture};
+use crate::sensor::FrontEnd;
 use crate::spikes::Geometry;
 
 /// Endings of files that are handed to ffmpeg.
@@ -28,17 +32,31 @@ pub struct Options {
     pub camera: Geometry,
     /// How it is brought there.
     pub fit: Fit,
-    /// The declared transfer function; `None` for sRGB in images and video, linear in arrays and EXR.
+    /// How the camera takes codes as light.
+    pub front_end: FrontEnd,
+    /// The declared transfer function, in place of the front end's and for EXR too; `None` for the front
+    /// end's, else sRGB in images and video, linear in arrays and EXR.
     pub transfer: Option<Transfer>,
     /// A motion over a single image.
     pub moving: Option<Moving>,
 }
 
 impl Options {
-    /// Everything by default, for a camera of this size.
+    /// Everything by default, for a camera of this size that knows nothing of codes.
     #[must_use]
-    pub const fn new(camera: Geometry) -> Self {
-        Self { camera, fit: Fit::Resize, transfer: None, moving: None }
+    pub fn new(camera: Geometry) -> Self {
+        let front_end = FrontEnd::default();
+        Self { camera, fit: Fit::Resize, front_end, transfer: None, moving: None }
+    }
+
+    /// The size and the front end of `camera`, everything else by default.
+    #[must_use]
+    pub fn of(camera: &Camera) -> Self {
+        Self { front_end: camera.light, ..Self::new(camera.sensor.geometry) }
+    }
+
+    fn linear(&self) -> Linear {
+        Linear::of(&self.front_end, self.transfer)
     }
 }
 
@@ -59,30 +77,34 @@ pub struct Moving {
 /// [`Kind::Io`] when it cannot be opened; [`Kind::Usage`] when its kind is not known, or a motion is asked of
 /// anything but one image; otherwise as the source of its kind.
 pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Source>> {
-    let (camera, fit, transfer) = (options.camera, options.fit, options.transfer);
     if path.as_os_str() == "-" {
         return open_reader(Box::new(std::io::stdin()), "standard input", options);
     }
+    by_kind(path, options).map(scaled)
+}
+
+fn by_kind(path: &Path, options: &Options) -> Result<Box<dyn Source>> {
+    let (camera, fit, linear) = (options.camera, options.fit, options.linear());
     let about = std::fs::metadata(path).map_err(|e| Error::io(path.display(), e))?;
     if picture::is_picture(path) && !about.is_dir() {
         return Ok(Box::new(match options.moving {
-            None => Still::open(path, camera, fit, transfer)?,
+            None => Still::open(path, camera, fit, &linear)?,
             Some(m) => {
                 let motion = (m.motion, m.rate, m.frames);
-                Still::open_moving(path, camera, fit, transfer, motion)?
+                Still::open_moving(path, camera, fit, &linear, motion)?
             }
         }));
     }
     no_motion(path.display(), options)?;
     if about.is_dir() {
-        return Ok(Box::new(Folder::open(path, camera, fit, transfer)?));
+        return Ok(Box::new(Folder::open(path, camera, fit, linear)?));
     }
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     match ending.as_deref() {
-        Some("npy") => Ok(Box::new(Array::open(path, camera, fit, transfer)?)),
-        Some("npz") => Ok(Box::new(npz::open(path, camera, fit, transfer)?)),
-        Some("y4m") => Ok(Box::new(Video::open(path, camera, fit, transfer)?)),
-        Some(e) if VIDEO.contains(&e) => Ok(Box::new(Decoded::open(path, camera, fit, transfer)?)),
+        Some("npy") => Ok(coded(Array::open(path, camera, fit, options.transfer)?, options)),
+        Some("npz") => Ok(coded(npz::open(path, camera, fit, options.transfer)?, options)),
+        Some("y4m") => Ok(Box::new(Video::open(path, camera, fit, linear)?)),
+        Some(e) if VIDEO.contains(&e) => Ok(Box::new(Decoded::open(path, camera, fit, linear)?)),
         _ => Err(Error::new(Kind::Usage, path.display())
             .found("a kind of file that is not known")
             .expected(SUPPORTED)
@@ -97,22 +119,26 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Source>> {
 /// of its kind.
 pub fn open_reader(reader: Box<dyn Read + Send>, name: &str, options: &Options) -> Result<Box<dyn Source>> {
     no_motion(name, options)?;
-    let (camera, fit, transfer) = (options.camera, options.fit, options.transfer);
+    let (camera, fit) = (options.camera, options.fit);
     let mut reader = BufReader::new(reader);
     // A pipe may hand over a single byte at first, and one is enough to decide.
     let first = reader.fill_buf().map_err(|e| Error::io(name, e))?.first().copied();
     if first == npy::MAGIC.first().copied() {
-        let array = Array::from_reader(Box::new(reader), name, camera, fit, transfer)?;
-        return Ok(Box::new(array));
+        let array = Array::from_reader(Box::new(reader), name, camera, fit, options.transfer)?;
+        return Ok(scaled(coded(array, options)));
     }
     if first == y4m::MAGIC.first().copied() {
-        let video = Video::from_reader(Box::new(reader), name, camera, fit, transfer)?;
-        return Ok(Box::new(video));
+        let video = Video::from_reader(Box::new(reader), name, camera, fit, options.linear())?;
+        return Ok(scaled(Box::new(video)));
     }
     Err(Error::new(Kind::Input, name)
         .found(if first.is_none() { "nothing" } else { "other data" })
         .expected("a y4m video or a NumPy array")
         .remedy("pipe a video through ffmpeg -i FILE -pix_fmt yuv444p -f yuv4mpegpipe -"))
+}
+
+fn coded(array: Array, options: &Options) -> Box<dyn Source> {
+    Box::new(array.with_front_end(&options.front_end, options.transfer))
 }
 
 fn no_motion(name: impl std::fmt::Display, options: &Options) -> Result<()> {

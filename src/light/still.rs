@@ -3,9 +3,19 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Kind, Result};
+use crate::light::fit::Whole;
 use crate::light::picture::{self, Linear};
-use crate::light::{Fit, Frame, Motion, Rate, Source, Transfer};
+use crate::light::{Fit, Frame, Motion, Rate, Source};
+use crate::sensor::FrontEnd;
 use crate::spikes::Geometry;
+
+/// A motion, and the whole picture over which it goes.
+#[derive(Debug)]
+struct Moving {
+    whole: Whole,
+    motion: Motion,
+    rate: Rate,
+}
 
 /// One picture and how the camera moves over it.
 #[derive(Debug)]
@@ -13,8 +23,10 @@ pub struct Still {
     path: PathBuf,
     size: Geometry,
     camera: Geometry,
+    /// The picture as the camera sees it at rest.
     picture: Frame,
-    moving: Option<(Motion, Rate)>,
+    moving: Option<Moving>,
+    front_end: FrontEnd,
     frames: u64,
     next: u64,
 }
@@ -24,11 +36,13 @@ impl Still {
     ///
     /// # Errors
     /// As [`picture::read`] and [`Fit::apply`].
-    pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>) -> Result<Self> {
-        let read = picture::read(path, &Linear::new(transfer))?;
-        let size = read.geometry();
+    pub fn open(path: &Path, camera: Geometry, fit: Fit, linear: &Linear) -> Result<Self> {
+        let read = picture::read(path, linear)?;
+        let (size, floats) = (read.geometry(), picture::header(path)?.floats);
         let picture = fit.apply(read, camera).map_err(|e| e.within(path.display()))?;
-        Ok(Self { path: path.to_owned(), size, camera, picture, moving: None, frames: 1, next: 0 })
+        let path = path.to_owned();
+        let front_end = linear.used(floats);
+        Ok(Self { path, size, camera, picture, moving: None, front_end, frames: 1, next: 0 })
     }
 
     /// Reads a picture over which the camera moves for `frames` frames at `rate`.
@@ -39,24 +53,16 @@ impl Still {
         path: &Path,
         camera: Geometry,
         fit: Fit,
-        transfer: Option<Transfer>,
+        linear: &Linear,
         (motion, rate, frames): (Motion, Rate, u64),
     ) -> Result<Self> {
         if frames == 0 {
             return Err(Error::new(Kind::Usage, "frames of motion").found(0).expected("at least 1"));
         }
-        let read = picture::read(path, &Linear::new(transfer))?;
-        let size = read.geometry();
-        let picture = fit.whole(read, camera).map_err(|e| e.within(path.display()))?;
-        Ok(Self {
-            path: path.to_owned(),
-            size,
-            camera,
-            picture,
-            moving: Some((motion, rate)),
-            frames,
-            next: 0,
-        })
+        let still = Self::open(path, camera, fit, linear)?;
+        let whole = Whole::new(picture::read(path, linear)?, camera, fit);
+        let whole = whole.map_err(|e| e.within(path.display()))?;
+        Ok(Self { moving: Some(Moving { whole, motion, rate }), frames, ..still })
     }
 }
 
@@ -74,22 +80,28 @@ impl Source for Still {
             return Ok(false);
         }
         *into = match &self.moving {
-            None => self.picture.clone(),
-            Some((motion, rate)) => motion.view(&self.picture, self.camera, *rate, self.next)?,
+            Some(m) if !m.motion.is_at_rest(m.rate, self.next) => {
+                m.motion.view(&m.whole, self.camera, m.rate, self.next)?
+            }
+            _ => self.picture.clone(),
         };
         self.next += 1;
         Ok(true)
     }
 
     fn rate(&self) -> Option<Rate> {
-        self.moving.map(|(_, rate)| rate)
+        self.moving.as_ref().map(|m| m.rate)
+    }
+
+    fn front_end(&self) -> FrontEnd {
+        self.front_end
     }
 
     fn describe(&self) -> String {
         let path = self.path.display();
         match &self.moving {
             None => format!("{path}: one image of {}", self.size),
-            Some((_, rate)) => format!(
+            Some(Moving { rate, .. }) => format!(
                 "{path}: motion over an image of {}, {} frames at {rate} per second",
                 self.size, self.frames
             ),

@@ -17,7 +17,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::error::{Error, Kind, Result};
 use crate::light::picture::Linear;
 use crate::light::yuv::{Layout, chroma};
-use crate::light::{Fit, Frame, Rate, Samples, Source, Transfer, stored_size};
+use crate::light::{Fit, Frame, Rate, Samples, Source, stored_size};
+use crate::sensor::FrontEnd;
 
 use crate::spikes::Geometry;
 use ::y4m::Decoder;
@@ -121,7 +122,7 @@ impl<R: Read> Reader<R> {
         let table = linear.integers().table16();
         let samples = self.next(|f| {
             let planes = [f.get_y_plane(), f.get_u_plane(), f.get_v_plane()];
-            let light = layout.light(planes, table);
+            let light = layout.light(planes, linear, table);
             if layout.depth == 8 {
                 Samples::U16(light.map(|x| (x * 65535.0 + 0.5) as u16).collect())
             } else {
@@ -223,10 +224,10 @@ impl Video {
     ///
     /// # Errors
     /// As [`Reader::new`]; [`Kind::Input`] too when the last frame is cut short or there is none.
-    pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>) -> Result<Self> {
+    pub fn open(path: &Path, camera: Geometry, fit: Fit, linear: Linear) -> Result<Self> {
         let name = path.display().to_string();
         let open = || std::fs::File::open(path).map_err(|e| Error::io(&name, e));
-        let mut video = Self::from_reader(Box::new(open()?), &name, camera, fit, transfer)?;
+        let mut video = Self::from_reader(Box::new(open()?), &name, camera, fit, linear)?;
         if !path.is_file() {
             // A named pipe can be read only once.
             return Ok(video);
@@ -248,9 +249,9 @@ impl Video {
         name: &str,
         camera: Geometry,
         fit: Fit,
-        transfer: Option<Transfer>,
+        linear: Linear,
     ) -> Result<Self> {
-        Self::with_matrix(reader, name, camera, fit, transfer, None)
+        Self::with_matrix(reader, name, camera, fit, linear, None)
     }
 
     pub(super) fn with_matrix(
@@ -258,12 +259,12 @@ impl Video {
         name: &str,
         camera: Geometry,
         fit: Fit,
-        transfer: Option<Transfer>,
+        linear: Linear,
         matrix: Option<Matrix>,
     ) -> Result<Self> {
         let reader = Reader::new(reader, name, matrix)?;
         fit.check(reader.geometry(), camera).map_err(|e| e.within(name))?;
-        Ok(Self { reader, frames: None, linear: Linear::new(transfer), fit, camera })
+        Ok(Self { reader, frames: None, linear, fit, camera })
     }
 }
 
@@ -317,6 +318,10 @@ impl Source for Video {
 
     fn rate(&self) -> Option<Rate> {
         self.reader.rate()
+    }
+
+    fn front_end(&self) -> FrontEnd {
+        self.linear.used(false)
     }
 
     fn describe(&self) -> String {

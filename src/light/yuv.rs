@@ -2,7 +2,7 @@
 
 use ::y4m::Colorspace;
 
-use crate::light::luminance;
+use crate::light::picture::Linear;
 
 /// The coefficients between R'G'B' and Y'CbCr.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,20 +63,28 @@ impl Layout {
     }
 
     /// Luminance of the pixels in order, 1.0 at full scale; `table` linearises 16-bit codes.
-    pub(super) fn light<'a>(self, planes: [&'a [u8]; 3], table: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
+    pub(super) fn light<'a>(
+        self,
+        planes: [&'a [u8]; 3],
+        linear: &'a Linear,
+        table: &'a [f32],
+    ) -> impl Iterator<Item = f32> + 'a {
         let [black, white, swing] = self.levels();
         let (to_y, to_c) = (1.0 / (white - black), 1.0 / swing);
         let middle = (1_u32 << (self.depth - 1)) as f32;
         let [kr, kb] = self.matrix.red_blue();
         let kg = 1.0 - kr - kb;
-        let linear = move |code: f32| table[(code.clamp(0.0, 1.0) * 65535.0 + 0.5) as usize];
+        let code = |code: f32| (code.clamp(0.0, 1.0) * 65535.0 + 0.5).floor();
+        // Grey codes of an 8-bit video are 8-bit codes: 257 of the table's.
+        let unit = if self.depth == 8 { 257.0 } else { 1.0 };
+        let look_up = move |code: usize| table[code];
         let [shift_x, shift_y] = self.chroma.unwrap_or_default();
         let stride = self.width.div_ceil(1 << shift_x);
         (0..self.height).flat_map(move |row| {
             (0..self.width).map(move |col| {
                 let y = (self.sample(planes[0], row * self.width + col) - black) * to_y;
                 if self.chroma.is_none() {
-                    return linear(y);
+                    return look_up(code(y) as usize);
                 }
                 let at = (row >> shift_y) * stride + (col >> shift_x);
                 let [cb, cr] = [1, 2].map(|p| (self.sample(planes[p], at) - middle) * to_c);
@@ -84,7 +92,7 @@ impl Layout {
                 let blue = y + 2.0 * (1.0 - kb) * cb;
                 let green = (y - kr * red - kb * blue) / kg;
                 // The weights add up to 1 only within rounding.
-                luminance([red, green, blue].map(linear)).min(1.0)
+                linear.light([red, green, blue].map(code), [unit, 65535.0], look_up).min(1.0)
             })
         })
     }

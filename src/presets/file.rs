@@ -8,7 +8,7 @@ use toml::Value;
 
 use crate::effects::{self, Camera};
 use crate::error::{Error, Kind, Result};
-use crate::presets::{default_sensor, maps};
+use crate::presets::{default_sensor, light, maps};
 use crate::sensor::Sensor;
 use crate::spikes::Geometry;
 use crate::units::Unit;
@@ -22,6 +22,8 @@ struct File {
     source: String,
     #[serde(default)]
     sensor: SensorTable,
+    #[serde(default)]
+    light: light::Table,
     #[serde(default)]
     effects: Table,
     #[serde(default)]
@@ -53,6 +55,7 @@ pub fn parse(text: &str, folder: Option<&Path>) -> Result<Camera> {
     let mut camera = Camera::ideal(sensor(&file.sensor).map_err(|e| e.within("sensor"))?);
     camera.name = file.name;
     camera.source = file.source;
+    camera.light = file.light.front_end().map_err(|e| e.within("light"))?;
     for (name, table) in &file.effects {
         camera = camera.with(effect(name, table).map_err(|e| e.within(format_args!("effects.{name}")))?);
     }

@@ -1,6 +1,7 @@
 //! Cited cameras and models, and camera files: TOML with units.
 
 mod file;
+mod light;
 mod maps;
 mod write;
 
@@ -115,6 +116,21 @@ mod tests {
     }
 
     #[test]
+    fn a_light_table_reads_back_from_what_is_written_of_it() {
+        let texts = [
+            "[light]\ntransfer = 2.2\nfull_scale = \"peak\"",
+            "[light]\ntransfer = \"srgb\"\ngrey_codes = true\nluminance = [0.25, 0.5, 0.25]",
+            "[light]\ntransfer = \"linear\"\nfull_scale = 256",
+            "",
+        ];
+        for text in texts {
+            let camera = parse(text, None).unwrap();
+            let again = parse(&to_toml(&camera).unwrap().text, None).unwrap();
+            assert_eq!(again.light, camera.light, "{text}");
+        }
+    }
+
+    #[test]
     fn unknown_keys_wrong_units_and_impossible_values_are_refused() {
         let wrong = [
             "nmae = \"x\"",
@@ -129,6 +145,17 @@ mod tests {
             "[effects.thermal_noise]\nredraw = \"sometimes\"",
             "[effects.bias_voltage]\nsigma = 0.05",
             "[maps]\ngain = \"x.npy\"",
+            "[light]\ntransfer = \"gamma\"",
+            "[light]\ntransfer = 20",
+            "[light]\nluminance = [0.3, 0.6]",
+            "[light]\nluminance = [0.3, 0.6, 0.2]",
+            "[light]\nluminance = [0.6, 0.6, -0.2]",
+            "[light]\nluminance = [nan, 0.5, 0.5]",
+            "[light]\ngrey_codes = 1",
+            "[light]\nfull_scale = 0",
+            "[light]\nfull_scale = inf",
+            "[light]\nfull_scale = \"half\"",
+            "[light]\ngamma = 2.2",
             "not toml",
         ];
         for text in wrong {

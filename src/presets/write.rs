@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::effects::Camera;
 use crate::effects::definition::{Form, Param};
 use crate::error::{Error, Kind, Result};
-use crate::presets::maps;
+use crate::presets::{light, maps};
 use crate::units::Unit;
 
 #[derive(Serialize)]
@@ -15,6 +15,8 @@ struct File<'a> {
     name: &'a str,
     source: &'a str,
     sensor: SensorTable,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    light: Option<light::Table>,
     effects: BTreeMap<&'static str, BTreeMap<&'static str, Value>>,
     maps: maps::Table,
 }
@@ -77,6 +79,7 @@ pub fn to_toml(camera: &Camera) -> Result<Saved> {
             swing: Unit::Volt.format(sensor.swing_v),
             thresholds_at_full_scale: sensor.thresholds_at_full_scale,
         },
+        light: light::Table::of(&camera.light),
         effects: effects.collect(),
         maps: map_table(camera, &mut saved)?,
     };

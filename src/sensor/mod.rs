@@ -1,4 +1,10 @@
-//! Which camera: geometry, readout rate, nominal circuit.
+//! Which camera: geometry, readout rate, nominal circuit, and how stored codes become its light.
+
+mod front_end;
+mod transfer;
+
+pub use front_end::{FrontEnd, FullScale};
+pub use transfer::Transfer;
 
 use crate::error::{Error, Kind, Result};
 use crate::spikes::Geometry;

@@ -11,6 +11,7 @@ use crate::effects::Camera;
 use crate::effects::definition::Form;
 use crate::error::{Error, Kind, Result};
 use crate::formats::{Layout, sidecar_paths};
+use crate::light::{Source, Transfer};
 use crate::presets;
 use crate::simulate::Written;
 use crate::spikes::Geometry;
@@ -51,8 +52,17 @@ impl StreamFacts {
 pub struct LightFacts {
     /// The source in its own words.
     pub source: String,
-    /// Declared transfer function, or how the kind of source is read by default.
+    /// Transfer function that was undone: linear, srgb, or an exponent.
     pub transfer: String,
+    /// Weights of red, green and blue.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub luminance: Option<[f64; 3]>,
+    /// Whether colour became a rounded grey code before the transfer function was undone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grey_codes: Option<bool>,
+    /// The 8-bit code of light 1.0, or `peak` for the brightest pixel of each frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub full_scale: Option<String>,
     /// How frames were brought to the camera's size.
     pub fit: String,
     /// A motion over a single image.
@@ -72,6 +82,23 @@ pub struct LightFacts {
     pub greatest_light: f64,
     /// Frames that held brighter light, which was cut.
     pub frames_beyond_greatest_light: u64,
+}
+
+impl LightFacts {
+    /// What `source` says of itself.
+    #[must_use]
+    pub fn of(source: &dyn Source) -> Self {
+        let used = source.front_end();
+        Self {
+            source: source.describe(),
+            transfer: used.transfer.unwrap_or(Transfer::Linear).to_string(),
+            luminance: Some(used.luminance),
+            grey_codes: Some(used.grey_codes),
+            full_scale: Some(used.full_scale.to_string()),
+            source_rate: source.rate().map(|r| r.to_string()),
+            ..Self::default()
+        }
+    }
 }
 
 /// The nominal circuit.
