@@ -260,6 +260,214 @@ fn a_quarter_turn_is_clockwise_and_zoom_magnifies() {
     assert!((sum(&near[1]) / sum(&near[0]) - 3.98).abs() < 0.4, "{}", sum(&near[1]));
 }
 
+/// A motion that does not move is a still picture, whatever is cut and scaled for the camera.
+#[test]
+fn a_motion_at_rest_is_the_still_picture_for_every_size() {
+    let dir = TempDir::new().unwrap();
+    let sizes = [(1, 1), (2, 3), (5, 4), (7, 7), (8, 5), (13, 31), (33, 12)];
+    for (w, h) in sizes {
+        let path =
+            put(&dir, "m.png", RgbImage::from_fn(w, h, |x, y| Rgb([(37 * x) as u8, (53 * y) as u8, 9])));
+        for ((cw, ch), fit) in
+            sizes.iter().flat_map(|s| [(*s, Fit::Resize), (*s, Fit::Stretch), (*s, Fit::Crop)])
+        {
+            let mut options = camera(cw, ch);
+            options.fit = fit;
+            if fit == Fit::Crop && (cw > w || ch > h) {
+                continue;
+            }
+            let still = read(&path, &options).unwrap();
+            for spec in ["pan=0,0", "pan=0,0/frame", "zoom=1:rotate=0", "rotate=3600"] {
+                options.moving = moving(spec, 3);
+                let moved = read(&path, &options).unwrap();
+                assert!(moved.iter().all(|f| *f == still[0]), "{w}x{h} to {cw}x{ch}, {fit:?}, {spec}");
+            }
+        }
+    }
+}
+
+/// Frame 1 of a slow pan must not jump from the still picture of frame 0: a thousandth of a pixel changes
+/// a ramp of a code per pixel by a thousandth of a code, and the whole picture, scaled by itself, was half a pixel away.
+#[test]
+fn a_slow_pan_leaves_the_still_picture_without_a_jump() {
+    let dir = TempDir::new().unwrap();
+    for (w, h) in [(41, 27), (64, 48), (63, 90)] {
+        let path = put(&dir, "s.png", GrayImage::from_fn(w, h, |x, y| Luma([(2 * x + y) as u8])));
+        let mut options = camera(20, 15);
+        options.transfer = Some(Transfer::Linear);
+        let step = f64::from(w).max(f64::from(h)) / 15.0;
+        options.moving = moving("pan=0.001,0/frame", 2);
+        let seen = read(&path, &options).unwrap();
+        for (row, col) in [(4, 5), (7, 10), (10, 14)] {
+            let jump = 255.0 * f64::from(seen[1].get(row, col) - seen[0].get(row, col));
+            // Tents of other widths agree on a ramp but for their sampling, a tenth of a pixel here.
+            assert!(jump.abs() < 0.3 * step, "{w}x{h} at {row}, {col}: {jump} codes");
+        }
+    }
+}
+
+/// A 3x2 picture whose pixels are told apart, stored for each of the eight orientations of EXIF.
+fn oriented(orientation: u16) -> (u32, u32, Vec<u8>) {
+    let shown = |row: u32, col: u32| (40 * (3 * row + col) + 20) as u8;
+    // Where the stored pixel (row, col) is shown, by the definition of the tag.
+    let (w, h) = if orientation >= 5 { (2, 3) } else { (3, 2) };
+    let at = |r: u32, c: u32| match orientation {
+        1 => (r, c),
+        2 => (r, w - 1 - c),
+        3 => (h - 1 - r, w - 1 - c),
+        4 => (h - 1 - r, c),
+        5 => (c, r),
+        6 => (c, h - 1 - r),
+        7 => (w - 1 - c, h - 1 - r),
+        _ => (w - 1 - c, r),
+    };
+    let stored = (0..h).flat_map(|r| (0..w).map(move |c| (r, c)));
+    (w, h, stored.map(|(r, c)| at(r, c)).map(|(r, c)| shown(r, c)).collect())
+}
+
+/// The TIFF block that EXIF is, with nothing but the tag of orientation.
+fn exif(orientation: u16) -> Vec<u8> {
+    let mut block = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
+    block.extend(orientation.to_le_bytes());
+    block.extend([0; 6]);
+    block
+}
+
+#[test]
+fn the_orientation_of_png_jpeg_and_tiff_is_obeyed() {
+    use image::ImageEncoder;
+    use image::codecs::{jpeg::JpegEncoder, png::PngEncoder, tiff::TiffEncoder};
+    let dir = TempDir::new().unwrap();
+    let mut options = camera(3, 2);
+    options.transfer = Some(Transfer::Linear);
+    for orientation in 1..=8 {
+        let (w, h, pixels) = oriented(orientation);
+        let grey = image::ExtendedColorType::L8;
+        let mut png = Vec::new();
+        let mut encoder = PngEncoder::new(&mut png);
+        encoder.set_exif_metadata(exif(orientation)).unwrap();
+        encoder.write_image(&pixels, w, h, grey).unwrap();
+        // Blocks of 16x16 for each pixel, which JPEG keeps flat.
+        let mut jpeg = Vec::new();
+        let large = GrayImage::from_fn(16 * w, 16 * h, |x, y| Luma([pixels[(y / 16 * w + x / 16) as usize]]));
+        let mut encoder = JpegEncoder::new_with_quality(&mut jpeg, 100);
+        encoder.set_exif_metadata(exif(orientation)).unwrap();
+        encoder.write_image(large.as_raw(), 16 * w, 16 * h, grey).unwrap();
+        let mut tiff = Cursor::new(Vec::new());
+        TiffEncoder::new(&mut tiff).write_image(&pixels, w, h, grey).unwrap();
+        for (name, bytes) in
+            [("o.png", png), ("o.jpg", jpeg), ("o.tif", with_tag(tiff.into_inner(), orientation))]
+        {
+            let folder = TempDir::new_in(dir.path()).unwrap();
+            let path = folder.path().join(name);
+            fs::write(&path, bytes).unwrap();
+            for path in [path.as_path(), folder.path()] {
+                // JPEG is not scaled, which would blur: its blocks are looked at in their middles.
+                let block = if name == "o.jpg" { 16 } else { 1 };
+                options.camera = Geometry::new(3 * block, 2 * block).unwrap();
+                let light = &read(path, &options).unwrap()[0];
+                for (row, col) in (0..2).flat_map(|r| (0..3).map(move |c| (r, c))) {
+                    let middle = |i: usize| i * block as usize + block as usize / 2;
+                    let code = light.get(middle(row), middle(col)) * 255.0;
+                    // JPEG may round by a code.
+                    let wanted = (40 * (3 * row + col) + 20) as f32;
+                    assert!((code - wanted).abs() < 1.5, "{orientation} {name} {row} {col}: {code}");
+                }
+            }
+        }
+    }
+}
+
+/// `tiff` (little-endian, one directory at the end of a list of tags) with the tag of orientation in its place.
+fn with_tag(tiff: Vec<u8>, orientation: u16) -> Vec<u8> {
+    let u32_at = |at: usize| u32::from_le_bytes(tiff[at..at + 4].try_into().unwrap()) as usize;
+    let start = u32_at(4);
+    let count = usize::from(u16::from_le_bytes([tiff[start], tiff[start + 1]]));
+    let mut tags: Vec<Vec<u8>> =
+        tiff[start + 2..start + 2 + 12 * count].chunks(12).map(<[u8]>::to_vec).collect();
+    tags.retain(|t| t[..2] != [0x12, 0x01]);
+    let mut tag = vec![0x12, 0x01, 3, 0, 1, 0, 0, 0];
+    tag.extend(orientation.to_le_bytes());
+    tag.extend([0, 0]);
+    tags.push(tag);
+    tags.sort_by_key(|t| u16::from_le_bytes([t[0], t[1]]));
+    // A new directory behind everything, so that no offset moves.
+    let mut out = tiff.clone();
+    let place = (out.len() as u32).to_le_bytes();
+    out[4..8].copy_from_slice(&place);
+    out.extend((tags.len() as u16).to_le_bytes());
+    out.extend(tags.concat());
+    out.extend([0; 4]);
+    out
+}
+
+#[test]
+fn floats_among_integer_images_are_refused_by_name() {
+    let dir = TempDir::new().unwrap();
+    put(&dir, "a1.png", grey(4, 4, 1));
+    put(&dir, "a2.exr", ImageBuffer::from_pixel(4, 4, Rgb([0.5_f32; 3])));
+    let error = open(dir.path(), &camera(4, 4)).err().unwrap();
+    let text = error.to_string();
+    assert!(error.kind() == Kind::Input && text.contains("a2.exr") && text.contains("a1.png"), "{text}");
+}
+
+fn with_front_end(table: &str, w: u32, h: u32) -> Options {
+    let mut camera = spikelane::presets::parse(&format!("[light]\n{table}"), None).unwrap();
+    camera.sensor.geometry = Geometry::new(w, h).unwrap();
+    Options::of(&camera)
+}
+
+#[test]
+fn a_cameras_front_end_holds_until_a_transfer_function_is_declared() {
+    let dir = TempDir::new().unwrap();
+    let path = put(&dir, "f.png", grey(2, 1, 128));
+    let mut options = with_front_end("transfer = \"linear\"", 2, 1);
+    assert_eq!(read(&path, &options).unwrap()[0].samples(), &Samples::U8(vec![128; 2]));
+    options.transfer = Some(Transfer::Srgb);
+    assert_eq!(read(&path, &options).unwrap()[0].samples(), &Samples::U16(vec![14146; 2]));
+    assert_eq!(open(&path, &options).unwrap().front_end().transfer, Some(Transfer::Srgb));
+}
+
+#[test]
+fn grey_codes_are_rounded_before_the_curve() {
+    let dir = TempDir::new().unwrap();
+    let path = put(&dir, "c.png", RgbImage::from_pixel(1, 1, Rgb([10, 20, 200])));
+    let light = |table: &str| read(&path, &with_front_end(table, 1, 1)).unwrap()[0].get(0, 0) * 255.0;
+    let weights = "transfer = \"linear\"\nluminance = [0.25, 0.5, 0.25]";
+    // 2.5 + 10 + 50 = 62.5, which rounds up. A 16-bit sample is 0.004 codes.
+    assert!((light(&format!("{weights}\ngrey_codes = true")) - 63.0).abs() < 0.01);
+    assert!((light(weights) - 62.5).abs() < 0.01);
+}
+
+#[test]
+fn full_scale_is_a_code_or_the_brightest_pixel_of_each_frame() {
+    let dir = TempDir::new().unwrap();
+    let put_row =
+        |name: &str, codes: [u8; 3]| put(&dir, name, GrayImage::from_raw(3, 1, codes.to_vec()).unwrap());
+    put_row("1.png", [0, 50, 100]);
+    put_row("2.png", [0, 0, 0]);
+    put_row("3.png", [200, 50, 100]);
+    let lights = |table: &str| -> Vec<Vec<f32>> {
+        read(dir.path(), &with_front_end(table, 3, 1)).unwrap().iter().map(Frame::to_f32).collect()
+    };
+    let peak = lights("transfer = \"linear\"\nfull_scale = \"peak\"");
+    assert_eq!(peak, [[0.0, 0.5, 1.0], [0.0; 3], [1.0, 0.25, 0.5]]);
+    assert_eq!(lights("transfer = \"linear\"\nfull_scale = 100")[2], [2.0, 0.5, 1.0]);
+    // The code is full scale behind the curve too.
+    assert!((lights("full_scale = 100")[0][2] - 1.0).abs() < 1e-4);
+}
+
+#[test]
+fn an_exr_is_light_whatever_the_cameras_front_end() {
+    let dir = TempDir::new().unwrap();
+    let path = put(&dir, "e.exr", ImageBuffer::from_pixel(2, 2, Rgb([0.5_f32; 3])));
+    for table in ["transfer = \"srgb\"", "transfer = \"linear\"\nfull_scale = \"peak\"", "full_scale = 50"] {
+        let options = with_front_end(table, 2, 2);
+        assert!((read(&path, &options).unwrap()[0].get(0, 0) - 0.5).abs() < 1e-6, "{table}");
+        assert_eq!(open(&path, &options).unwrap().front_end().transfer, Some(Transfer::Linear));
+    }
+}
+
 #[test]
 fn motions_that_make_no_sense_are_usage_errors() {
     for bad in ["", "pan=1", "pan=1,2:pan=3,4", "zoom=0", "zoom=-1", "spin=3", "rotate=nan"] {

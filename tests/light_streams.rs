@@ -8,6 +8,7 @@ use std::process::Command;
 
 use npyz::{AutoSerialize, WriterBuilder};
 use spikelane::light::ffmpeg::Decoded;
+use spikelane::light::picture::Linear;
 use spikelane::light::{Fit, Frame, Options, Rate, Samples, Source, Transfer, open, open_reader};
 use spikelane::{Error, Geometry, Kind};
 use tempfile::TempDir;
@@ -334,6 +335,86 @@ fn a_colour_video_comes_through_ffmpeg_with_its_light() {
     assert!((light - 0.7152 * 0.5029).abs() < 0.009, "{light}");
 }
 
+/// Grey codes 0 to 1023 in steps of 8, as a lossless video of this pixel format and these tags.
+fn ramp(dir: &TempDir, pixels: &str, scale: u16, tags: &[&str]) -> PathBuf {
+    let (wide, bytes) = (128, if scale == 0 { 1 } else { 2 });
+    let store = |code: u16| match bytes {
+        1 => vec![(code / 4) as u8],
+        _ => (code * scale).to_le_bytes().to_vec(),
+    };
+    let luma = || (0..4).flat_map(|_| (0..wide).flat_map(|x| store(8 * x)));
+    let middle = (0..if pixels.starts_with("yuv") { 2 * wide } else { 0 }).flat_map(|_| store(512));
+    let raw: Vec<u8> = match pixels {
+        _ if pixels.starts_with("gbrp") => luma().chain(luma()).chain(luma()).collect(),
+        _ => luma().chain(middle).collect(),
+    };
+    let source = put(dir, "ramp.raw", raw);
+    let path = dir.path().join("ramp.mkv");
+    let made = Command::new("ffmpeg")
+        .args(["-y", "-v", "error", "-f", "rawvideo", "-s", "128x4", "-pix_fmt", pixels, "-i"])
+        .arg(source)
+        .args(["-c:v", "ffv1"])
+        .args(tags)
+        .arg(&path)
+        .status()
+        .unwrap();
+    assert!(made.success(), "{pixels} {tags:?}");
+    path
+}
+
+/// Neutral grey does not know the matrix. The codes come through without loss, so light is right to the 16-bit
+/// table and the 16-bit sample: far below half a code of 10 bits, 5e-4 of light.
+#[test]
+fn grey_of_any_depth_range_and_matrix_comes_through_ffmpeg_to_half_a_code() {
+    if !ffmpeg() {
+        return;
+    }
+    let dir = TempDir::new().unwrap();
+    let full = &["-color_range", "pc"][..];
+    let limited = |c: f32| ((c - 64.0) / 876.0).clamp(0.0, 1.0);
+    let whole = |c: f32| c / 1023.0;
+    let eight = |c: f32| (((c / 4.0).floor() - 16.0) / 219.0).clamp(0.0, 1.0);
+    let eight_full = |c: f32| (c / 4.0).floor() / 255.0;
+    let twelve = |c: f32| c * 4.0 / 4095.0;
+    let sixteen = |c: f32| c * 64.0 / 65535.0;
+    let cases: [(&str, u16, &[&str], &dyn Fn(f32) -> f32); 16] = [
+        ("yuv420p10le", 1, &[], &limited),
+        ("yuv420p10le", 1, &["-colorspace", "bt709"], &limited),
+        ("yuv420p10le", 1, &["-colorspace", "smpte170m"], &limited),
+        ("yuv420p10le", 1, &["-colorspace", "bt2020nc"], &limited),
+        ("yuv420p10le", 1, full, &whole),
+        ("yuv420p12le", 4, full, &twelve),
+        ("yuv420p16le", 64, full, &sixteen),
+        ("yuv420p", 0, &[], &eight),
+        ("yuv420p", 0, &["-colorspace", "smpte170m"], &eight),
+        ("yuv420p", 0, full, &eight_full),
+        ("gray", 0, &[], &eight_full),
+        ("gray10le", 1, &[], &whole),
+        ("gray12le", 4, &[], &twelve),
+        ("gray16le", 64, &[], &sixteen),
+        ("gbrp10le", 1, &[], &whole),
+        ("gbrp16le", 64, &[], &sixteen),
+    ];
+    for (pixels, scale, tags, light_of) in cases {
+        let path = ramp(&dir, pixels, scale, tags);
+        let mut options = camera(128, 4);
+        options.transfer = Some(Transfer::Linear);
+        let light = read(&path, &options).unwrap()[0].to_f32();
+        for (x, got) in light.iter().take(128).enumerate() {
+            let wanted = light_of(8.0 * x as f32);
+            assert!((got - wanted).abs() < 3e-5, "{pixels} {tags:?}, code {}: {got} {wanted}", 8 * x);
+        }
+    }
+}
+
+#[test]
+fn mono_of_ten_and_sixteen_bits_has_its_own_white() {
+    for (space, white) in [("mono10", 1023_u16), ("mono14", 16383), ("mono16", 65535)] {
+        let got = light(&format!("W2 H1 C{space}"), &[[0, 0], white.to_le_bytes()].concat(), (2, 1));
+        assert_eq!(got, [0.0, 1.0], "{space}");
+    }
+}
+
 #[test]
 fn a_file_that_ffmpeg_cannot_decode_repeats_its_words() {
     if !ffmpeg() {
@@ -351,7 +432,8 @@ fn a_missing_ffmpeg_says_how_to_get_it() {
     let dir = TempDir::new().unwrap();
     let path = put(&dir, "v.mp4", "x");
     let size = Geometry::new(4, 4).unwrap();
-    let error = Decoded::open_with("no-such-ffmpeg", &path, size, Fit::Resize, None).err().unwrap();
+    let error =
+        Decoded::open_with("no-such-ffmpeg", &path, size, Fit::Resize, Linear::new(None)).err().unwrap();
     assert_eq!(error.kind(), Kind::Tool);
     assert!(error.to_string().contains("install"), "{error}");
 }

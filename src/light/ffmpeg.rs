@@ -1,8 +1,7 @@
 //! Any other video, through the user's own `ffmpeg`.
 //!
-//! ffmpeg decodes, converts to full-range BT.709 4:4:4 (so that the one thing y4m
-//! cannot say, the matrix, is known) and writes y4m into a pipe. Interlaced
-//! frames are deinterlaced; a variable frame rate becomes a constant one, with frames
+//! ffprobe says how the codes are meant; ffmpeg decodes and writes them as they are, as y4m into a pipe.
+//! Interlaced frames are deinterlaced; a variable frame rate becomes a constant one, with frames
 //! repeated or left out.
 
 use std::collections::VecDeque;
@@ -13,7 +12,8 @@ use std::thread::JoinHandle;
 
 use crate::error::{Error, Kind, Result};
 use crate::light::picture::Linear;
-use crate::light::y4m::{Matrix, Video};
+use crate::light::probe::Probe;
+use crate::light::y4m::Video;
 use crate::light::{Fit, Frame, Rate, Source};
 use crate::sensor::FrontEnd;
 use crate::spikes::Geometry;
@@ -29,16 +29,16 @@ struct Process {
 }
 
 impl Process {
-    fn start(path: &Path, program: &str) -> Result<Self> {
+    fn start(path: &Path, program: &str, filters: &str) -> Result<Self> {
         // The prefix keeps names with a colon, or a leading dash, from meaning something else.
         let mut input = std::ffi::OsString::from("file:");
         input.push(path);
         let mut child = Command::new(program)
             .args(["-nostdin", "-v", "error", "-i"])
             .arg(input)
-            .args(["-map", "0:v:0", "-vf"])
-            .arg("yadif=deint=interlaced,scale=out_color_matrix=bt709:out_range=pc")
-            .args(["-pix_fmt", "yuv444p", "-f", "yuv4mpegpipe", "-"])
+            .args(["-map", "0:v:0", "-vf", filters])
+            // More than 8 bits, and other names of grey, are not strict y4m.
+            .args(["-strict", "-1", "-f", "yuv4mpegpipe", "-"])
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -86,7 +86,7 @@ impl Drop for Process {
     }
 }
 
-fn missing(program: &str, error: std::io::Error) -> Error {
+pub(super) fn missing(program: &str, error: std::io::Error) -> Error {
     if error.kind() == ErrorKind::NotFound {
         return Error::new(Kind::Tool, program)
             .found("no such program")
@@ -119,7 +119,8 @@ impl Decoded {
     /// As [`Decoded::open`].
     pub fn open_with(program: &str, path: &Path, camera: Geometry, fit: Fit, linear: Linear) -> Result<Self> {
         std::fs::File::open(path).map_err(|e| Error::io(path.display(), e))?;
-        let mut process = Process::start(path, program)?;
+        let probe = Probe::of(path, program)?;
+        let mut process = Process::start(path, program, &probe.filters())?;
         let name = path.display().to_string();
         let mut output = BufReader::new(
             process
@@ -136,7 +137,7 @@ impl Decoded {
                 .expected("a file with a video stream"));
         }
         let output: Box<dyn Read + Send> = Box::new(output);
-        let video = Video::with_matrix(output, &name, camera, fit, linear, Some(Matrix::Bt709))?;
+        let video = Video::with_known_codes(output, &name, camera, fit, linear, probe.known())?;
         Ok(Self { video, process, over: false })
     }
 }

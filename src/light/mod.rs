@@ -27,6 +27,8 @@ mod open;
 #[cfg(feature = "files")]
 pub mod picture;
 #[cfg(feature = "files")]
+mod probe;
+#[cfg(feature = "files")]
 mod scaled;
 #[cfg(feature = "files")]
 pub mod still;

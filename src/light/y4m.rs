@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::error::{Error, Kind, Result};
 use crate::light::picture::Linear;
-use crate::light::yuv::{Layout, chroma};
+use crate::light::yuv::{Known, Layout, chroma};
 use crate::light::{Fit, Frame, Rate, Samples, Source, stored_size};
 use crate::sensor::FrontEnd;
 
@@ -63,11 +63,17 @@ impl<R: Read> Reader<R> {
     /// # Errors
     /// [`Kind::Input`] when the header is damaged, describes an impossible size, an unknown colour space or interlaced video.
     pub fn new(reader: R, name: &str, matrix: Option<Matrix>) -> Result<Self> {
+        Self::with_known(reader, name, Known { matrix, full: None })
+    }
+
+    /// As [`Reader::new`], for a stream of whose codes more is known than its header says.
+    pub(super) fn with_known(reader: R, name: &str, known: Known) -> Result<Self> {
         let mut reader = BufReader::new(reader);
         let mut header = Vec::new();
         reader.by_ref().take(LINE).read_until(b'\n', &mut header).map_err(|e| Error::io(name, e))?;
         check_header(&header, name)?;
-        let full = range(&header);
+        let full = known.full.or(range(&header));
+        let depth = shallow(&mut header);
         let taken = Arc::new(AtomicU64::new(0));
         let input = Counted { inner: Cursor::new(header).chain(reader), taken: Arc::clone(&taken) };
         let decoder = Decoder::new(input).map_err(|e| damaged(name, &e))?;
@@ -77,10 +83,10 @@ impl<R: Read> Reader<R> {
         let layout = Layout {
             width,
             height,
-            depth: decoder.get_bit_depth(),
+            depth: depth.unwrap_or(decoder.get_bit_depth()),
             chroma,
             full: full.unwrap_or(chroma.is_none()),
-            matrix: matrix.unwrap_or(Matrix::of_height(height)),
+            matrix: known.matrix.unwrap_or(Matrix::of_height(height)),
         };
         Ok(Self { name: name.to_owned(), decoder, taken, read: 0, geometry, layout })
     }
@@ -98,7 +104,7 @@ impl<R: Read> Reader<R> {
         Rate::new(rate.num as u64, rate.den as u64).ok()
     }
 
-    /// Bits of a sample: 8, 10 or 12.
+    /// Bits of a sample: 8, 9, 10, 12, 14 or 16.
     #[must_use]
     pub const fn depth(&self) -> usize {
         self.layout.depth
@@ -167,7 +173,7 @@ fn damaged(name: &str, error: &::y4m::Error) -> Error {
     };
     Error::new(Kind::Input, name)
         .found(found)
-        .expected("YUV4MPEG2 in mono, 420, 422 or 444 of 8, 10 or 12 bits")
+        .expected("YUV4MPEG2 in mono, 420, 422 or 444 of 8, 9, 10, 12, 14 or 16 bits")
         .remedy("convert it with ffmpeg -pix_fmt yuv444p -f yuv4mpegpipe")
 }
 
@@ -199,6 +205,22 @@ fn check_header(header: &[u8], name: &str) -> Result<()> {
 
 fn tokens(header: &[u8]) -> impl Iterator<Item = &[u8]> {
     header[MAGIC.len()..].trim_ascii_end().split(|b| *b == b' ').filter(|t| !t.is_empty())
+}
+
+/// Gives a colour space of more than 8 bits the decoder's name for samples of two bytes, and returns its bits: the
+/// decoder knows only 10 and 12, and mono only of 12, but looks no further than at the bytes.
+fn shallow(header: &mut Vec<u8>) -> Option<usize> {
+    let token = tokens(header).find(|t| t.first() == Some(&b'C'))?;
+    let space = str::from_utf8(&token[1..]).ok()?;
+    let (kind, bits) = match space.strip_prefix("mono") {
+        Some(bits) => ("mono", bits),
+        None => space.split_once('p').filter(|(kind, _)| matches!(*kind, "420" | "422" | "444"))?,
+    };
+    let bits: usize = bits.parse().ok().filter(|b| matches!(b, 9 | 10 | 12 | 14 | 16))?;
+    let name = if kind == "mono" { "Cmono12".to_owned() } else { format!("C{kind}p12") };
+    let text = String::from_utf8_lossy(header).replacen(&format!(" C{space}"), &format!(" {name}"), 1);
+    *header = text.into_bytes();
+    Some(bits)
 }
 
 /// Whether the header declares full range.
@@ -251,18 +273,18 @@ impl Video {
         fit: Fit,
         linear: Linear,
     ) -> Result<Self> {
-        Self::with_matrix(reader, name, camera, fit, linear, None)
+        Self::with_known_codes(reader, name, camera, fit, linear, Known::default())
     }
 
-    pub(super) fn with_matrix(
+    pub(super) fn with_known_codes(
         reader: Box<dyn Read + Send>,
         name: &str,
         camera: Geometry,
         fit: Fit,
         linear: Linear,
-        matrix: Option<Matrix>,
+        known: Known,
     ) -> Result<Self> {
-        let reader = Reader::new(reader, name, matrix)?;
+        let reader = Reader::with_known(reader, name, known)?;
         fit.check(reader.geometry(), camera).map_err(|e| e.within(name))?;
         Ok(Self { reader, frames: None, linear, fit, camera })
     }

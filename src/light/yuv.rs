@@ -11,6 +11,21 @@ pub enum Matrix {
     Bt601,
     /// ITU-R BT.709: high definition.
     Bt709,
+    /// ITU-R BT.2020, non-constant luminance: ultra-high definition.
+    Bt2020,
+    /// SMPTE 240M: early high definition.
+    Smpte240m,
+    /// FCC 73.682: NTSC of 1953.
+    Fcc,
+    /// No matrix: the planes are G', B' and R', of full range.
+    Gbr,
+}
+
+/// What is known of a stream beside its header; `None` for what the header and the height say.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Known {
+    pub(super) matrix: Option<Matrix>,
+    pub(super) full: Option<bool>,
 }
 
 impl Matrix {
@@ -25,6 +40,11 @@ impl Matrix {
         match self {
             Self::Bt601 => [0.299, 0.114],
             Self::Bt709 => [0.2126, 0.0722],
+            Self::Bt2020 => [0.2627, 0.0593],
+            Self::Smpte240m => [0.212, 0.087],
+            Self::Fcc => [0.30, 0.11],
+            // Whatever they are, `Layout::light` does not ask for them.
+            Self::Gbr => [0.0, 0.0],
         }
     }
 }
@@ -87,6 +107,10 @@ impl Layout {
                     return look_up(code(y) as usize);
                 }
                 let at = (row >> shift_y) * stride + (col >> shift_x);
+                if self.matrix == Matrix::Gbr {
+                    let [blue, red] = [1, 2].map(|p| self.sample(planes[p], at) * to_y);
+                    return linear.light([red, y, blue].map(code), [unit, 65535.0], look_up).min(1.0);
+                }
                 let [cb, cr] = [1, 2].map(|p| (self.sample(planes[p], at) - middle) * to_c);
                 let red = y + 2.0 * (1.0 - kr) * cr;
                 let blue = y + 2.0 * (1.0 - kb) * cb;
