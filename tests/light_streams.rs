@@ -407,6 +407,44 @@ fn grey_of_any_depth_range_and_matrix_comes_through_ffmpeg_to_half_a_code() {
     }
 }
 
+/// A saturated colour as each standard has it in 10 bits of limited range. Half a code of Y', Cb and Cr moves R', G' and
+/// B' by at most (0.5 / 876 + 0.94 x 2 x 0.5 / 896) = 0.0016 of linear light here; another matrix by 0.01 and more.
+#[test]
+fn colours_of_ten_bits_are_decoded_by_the_matrix_that_the_file_names() {
+    if !ffmpeg() {
+        return;
+    }
+    let dir = TempDir::new().unwrap();
+    let rgb = [0.25_f64, 0.875, 0.125];
+    for (tag, kr, kb) in [
+        ("smpte170m", 0.299, 0.114),
+        ("bt709", 0.2126, 0.0722),
+        ("bt2020nc", 0.2627, 0.0593),
+        ("smpte240m", 0.212, 0.087),
+        ("fcc", 0.30, 0.11),
+    ] {
+        let y = kr * rgb[0] + (1.0 - kr - kb) * rgb[1] + kb * rgb[2];
+        let (cb, cr) = ((rgb[2] - y) / (2.0 - 2.0 * kb), (rgb[0] - y) / (2.0 - 2.0 * kr));
+        let codes = [64.0 + 876.0 * y, 512.0 + 896.0 * cb, 512.0 + 896.0 * cr].map(|c| c.round() as u16);
+        let raw: Vec<u8> = codes.iter().flat_map(|c| [c.to_le_bytes(); 64].concat()).collect();
+        let source = put(&dir, "colour.raw", raw);
+        let path = dir.path().join("colour.mkv");
+        let made = Command::new("ffmpeg")
+            .args(["-y", "-v", "error", "-f", "rawvideo", "-s", "8x8", "-pix_fmt", "yuv444p10le", "-i"])
+            .arg(source)
+            .args(["-c:v", "ffv1", "-colorspace", tag])
+            .arg(&path)
+            .status()
+            .unwrap();
+        assert!(made.success(), "{tag}");
+        let mut options = camera(8, 8);
+        options.transfer = Some(Transfer::Linear);
+        let got = f64::from(read(&path, &options).unwrap()[0].get(4, 4));
+        let wanted = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
+        assert!((got - wanted).abs() < 0.0016, "{tag}: {got} {wanted}");
+    }
+}
+
 #[test]
 fn mono_of_ten_and_sixteen_bits_has_its_own_white() {
     for (space, white) in [("mono10", 1023_u16), ("mono14", 16383), ("mono16", 65535)] {

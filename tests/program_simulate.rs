@@ -261,3 +261,40 @@ fn ctrl_c_leaves_nothing_even_while_the_input_is_silent() {
     assert_eq!(status.code(), Some(130), "{said}");
     assert_eq!(place.names(), Vec::<String>::new(), "{said}");
 }
+
+#[test]
+fn the_first_line_and_the_sidecar_say_how_codes_became_light() {
+    let place = Place::new();
+    place.picture("g.png", 16, 12, 128);
+    let base = "simulate g.png --width 16 --height 12 --readouts 200 --force -o o";
+    for (flags, said, transfer, full_scale, rate) in [
+        ("--preset spike-zoo", "codes taken as light (linear)", "linear", "255", 0.251),
+        ("--preset spike-zoo --transfer srgb", "sRGB curve undone", "srgb", "255", 0.108),
+        ("--preset spikingsim", "each frame's brightest pixel", "linear", "peak", 0.99),
+        ("--preset ideal", "sRGB curve undone", "srgb", "255", 0.216),
+        ("--preset ideal --transfer 2.2", "exponent 2.2 undone", "2.2", "255", 0.220),
+    ] {
+        let ran = place.good(&format!("{base} {flags}"));
+        let first = ran.stderr.lines().next().unwrap();
+        assert!(first.contains(said) && first.contains("mean rate"), "{flags}: {first}");
+        let light = &place.json("o.json")["light"];
+        assert_eq!(light["transfer"], transfer, "{flags}");
+        assert_eq!(light["full_scale"], full_scale, "{flags}");
+        // A spike a pixel of 200 readouts is 0.005.
+        let found = place.json("o.json")["mean_rate"].as_f64().unwrap();
+        assert!((found - rate).abs() < 0.005, "{flags}: {found}");
+    }
+}
+
+#[test]
+fn a_motion_that_does_not_move_writes_the_stream_of_the_still_picture() {
+    let place = Place::new();
+    let picture = image::RgbImage::from_fn(37, 23, |x, y| image::Rgb([(6 * x) as u8, (11 * y) as u8, 90]));
+    picture.save(place.path("p.png")).unwrap();
+    for size in ["--width 16 --height 12", "--width 37 --height 23", "--width 9 --height 40"] {
+        let base = format!("simulate p.png {size} --readouts 300 --preset physical --force");
+        place.good(&format!("{base} -o still"));
+        place.good(&format!("{base} --motion pan=0,0 -o moved"));
+        assert_eq!(place.read("still.dat"), place.read("moved.dat"), "{size}");
+    }
+}
