@@ -129,6 +129,21 @@ fn negative_light_in_an_exr_is_named_by_pixel() {
 }
 
 #[test]
+fn what_is_not_finite_in_an_exr_or_becomes_so_is_named_by_pixel() {
+    let dir = TempDir::new().unwrap();
+    for (value, transfer) in [(f32::NAN, None), (f32::INFINITY, None), (1e30, Some(Transfer::Gamma(10.0)))] {
+        let mut picture = ImageBuffer::from_pixel(4, 4, Rgb([0.5_f32; 3]));
+        picture.put_pixel(1, 3, Rgb([value; 3]));
+        let path = put(&dir, "n.exr", picture);
+        for size in [4, 2] {
+            let options = Options { transfer, ..camera(size, size) };
+            let (kind, text) = refused(&path, &options);
+            assert!(kind == Kind::Input && text.contains("row 3, col 1"), "{value}: {text}");
+        }
+    }
+}
+
+#[test]
 fn scaling_averages_light_and_not_codes() {
     let dir = TempDir::new().unwrap();
     let board = GrayImage::from_fn(64, 64, |x, y| Luma([if (x + y) % 2 == 0 { 255 } else { 0 }]));

@@ -377,7 +377,8 @@ fn grey_of_any_depth_range_and_matrix_comes_through_ffmpeg_to_half_a_code() {
     let eight_full = |c: f32| (c / 4.0).floor() / 255.0;
     let twelve = |c: f32| c * 4.0 / 4095.0;
     let sixteen = |c: f32| c * 64.0 / 65535.0;
-    let cases: [(&str, u16, &[&str], &dyn Fn(f32) -> f32); 16] = [
+    type Case<'a> = (&'a str, u16, &'a [&'a str], &'a dyn Fn(f32) -> f32);
+    let cases: [Case<'_>; 16] = [
         ("yuv420p10le", 1, &[], &limited),
         ("yuv420p10le", 1, &["-colorspace", "bt709"], &limited),
         ("yuv420p10le", 1, &["-colorspace", "smpte170m"], &limited),

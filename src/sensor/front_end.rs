@@ -63,7 +63,8 @@ impl FrontEnd {
     /// outside 1 to 65535.
     pub fn validated(self) -> Result<Self> {
         let sum: f64 = self.luminance.iter().sum();
-        if self.luminance.iter().any(|w| !(*w >= 0.0)) || !((sum - 1.0).abs() <= 1e-3) {
+        let whole = (0.999..=1.001).contains(&sum);
+        if !whole || self.luminance.iter().any(|w| *w < 0.0) {
             return Err(Error::new(Kind::Config, "luminance")
                 .found(format_args!("{:?}", self.luminance))
                 .expected("weights of red, green and blue, zero or more, that add up to 1"));
