@@ -9,7 +9,12 @@ use crate::spikes::Geometry;
 /// Rates above this are censored: the pixel fires at nearly every readout and tells nothing.
 pub const SATURATED: f64 = 0.985;
 
-/// Spikes that a pixel needs for a rate by time.
+/// Spikes that a pixel needs for a rate by time: one interval. A count in place of it, of pixels that happen to have fewer
+/// spikes than three, makes slow pixels slower than they are: of a pixel that fires 2.5 times those recordings are counted that
+/// have two spikes, and its rate comes out a tenth too low in the mean.
+pub const TIMED: u32 = 2;
+
+/// Spikes that most pixels of a lit level need.
 pub const LEAST_SPIKES: u32 = 3;
 
 /// Share of the pixels that may drift before a scene counts as moving.
@@ -47,8 +52,9 @@ pub fn checkerboard(level: &Level, light: Light, geometry: Geometry) -> Result<(
             let side = &mut sides[usize::from(levels(p) < highest)];
             *side = (side.0 + rate, side.1 + 1.0);
         }
-        let [high, low] = sides.map(|(sum, n)| if n > 0.0 { sum / n } else { f64::NAN });
-        (high - low) / (high + low)
+        let [high, low] = sides.map(|(sum, n)| if n > 0.0 { sum / n } else { 0.0 });
+        // A square that is larger than the sensor, or a recording without a spike, has no contrast.
+        if high + low > 0.0 { (high - low) / (high + low) } else { 0.0 }
     };
     let (high, low) = match light {
         Light::Scene(super::Scene::Checkerboard { high, low, .. }) => (high.min(1.0), low.min(1.0)),
@@ -166,7 +172,8 @@ fn rising(levels: &[Level]) -> Result<()> {
     Ok(())
 }
 
-/// Of four levels and more, the one off the line of the others is named, and not its neighbour.
+/// Of four levels and more, the one off the line of the others is named, and not its neighbour. Smaller errors are a lamp's, and found with
+/// the pixels.
 fn on_a_line(medians: &[(&Level, f64)]) -> Result<()> {
     // Theil's line: the median of all slopes is untouched by a few wrong levels.
     let mut slopes = Vec::new();
@@ -178,7 +185,7 @@ fn on_a_line(medians: &[(&Level, f64)]) -> Result<()> {
     let offset = median(&mut medians.iter().map(at).collect::<Vec<_>>());
     for (level, found) in medians {
         let expected = slope * level.light + offset;
-        if (found - expected).abs() > 0.05 * expected + 0.003 {
+        if (found - expected).abs() > 0.12 * expected + 0.003 {
             return Err(contradiction(level).found(format_args!(
                 "rate {found:.5} at light {}, where the other levels give {expected:.5}",
                 level.light

@@ -3,15 +3,16 @@
 //! 1. Rates by time `f`, which know `x` to `0.41/T`, without the bias of their ends.
 //! 2. Reset delay `r` and redrawn threshold noise undone:
 //!    charge balances when `x (1 - r f) = f - sigma^2 psi(x / sigma) f / x`.
-//! 3. Weighted least squares per pixel, light levels as nuisances of all pixels together.
+//! 3. Weighted least squares per pixel, together with the light levels, which all pixels share.
 //! 4. The least-absolute line where chi-square says that a level is wrong.
 //! 5. Moments of the population; threshold noise and quanta from interval variance.
 //! 6. Posterior means of the threshold, which no pixel tells by itself.
 
 use rayon::prelude::*;
 
-use super::check::{LEAST_SPIKES, SATURATED};
+use super::check::{SATURATED, TIMED};
 use super::fit::{PixelFit, Weighting, fit_line, least_absolute, without_end_bias};
+use super::lamps::Alignment;
 use super::observe::{Level, Observed};
 use super::population::Population;
 use super::result::{Calibration, Options, Redrawn};
@@ -29,7 +30,7 @@ pub(super) struct Noise {
     pub(super) light: f64,
     pub(super) dark: f64,
     pub(super) redrawn: Redrawn,
-    lost: f64,
+    pub(super) lost: f64,
 }
 
 /// One level of one pixel: index, light, corrected rate, its variance, and the bias taken out.
@@ -39,6 +40,8 @@ pub(super) struct Point {
     pub(super) x: f64,
     pub(super) variance: f64,
     pub(super) bias: f64,
+    /// Whether it was timed, from spike to spike, and not counted.
+    pub(super) timed: bool,
     /// By how much `x` moves when the pixel's threshold moves by its standard deviation.
     pub(super) by_threshold: f64,
 }
@@ -50,6 +53,8 @@ pub(super) struct Point {
 pub fn calibrate(observed: &Observed, options: &Options) -> Result<Calibration> {
     let mut fitter = Fitter::new(observed, options)?;
     fitter.measure_noise();
+    fitter.find_levels()?;
+    fitter.expect_pixels()?;
     if options.redrawn.is_none() {
         // Pixels of low threshold have more noise and a higher dark rate: with one noise for all, a
         // spread of 4.5 % looks like 13 % of the bias missing.
@@ -66,6 +71,9 @@ pub fn calibrate(observed: &Observed, options: &Options) -> Result<Calibration> 
         fitter.measure_noise();
     }
     fitter.fit(false);
+    if !fitter.redrawn_told {
+        fitter.take_nominal_noise();
+    }
     fitter.finish(options)
 }
 
@@ -73,20 +81,27 @@ pub(super) struct Fitter<'a> {
     pub(super) observed: &'a Observed,
     pub(super) sensor: Sensor,
     pub(super) noise: Noise,
-    pub(super) light_uncertainty: f64,
+    pub(super) light_uncertainty: Option<f64>,
     pub(super) fits: Vec<PixelFit>,
     pub(super) threshold: Vec<[f64; 2]>,
     pub(super) offsets: Vec<Estimate>,
+    /// Standard deviation of each level about what is stated: large where that is not believed.
+    pub(super) level_sd: Vec<f64>,
+    /// Levels off the line of the others.
+    pub(super) wrong: Vec<bool>,
+    /// Levels at which most pixels fire at nearly every readout. The few slow pixels that do not would be judged by a light that nobody knows.
+    pub(super) saturated: Vec<bool>,
+    pub(super) alignment: Option<Alignment>,
+    /// By how much the typical pixel's chi-square is larger than it should be; 1 where the model holds.
+    pub(super) misfit_scale: f64,
+    pub(super) redrawn_told: bool,
     /// What remembered phases make of the rate that low draws add, by level.
     pub(super) remembered: Vec<f64>,
     pub(super) bias_share: Estimate,
     pub(super) sigma_t: Estimate,
     pub(super) electrons: Estimate,
-    notes: Vec<String>,
+    pub(super) notes: Vec<String>,
 }
-
-/// Largest standard error of the share of the redraw's bias that still decides between none and all.
-pub(super) const TOLD: f64 = 0.25;
 
 const NOTHING: Estimate = Estimate { value: 0.0, error: 0.0, samples: 0 };
 
@@ -103,6 +118,10 @@ impl<'a> Fitter<'a> {
         sensor.capacitance_ff = options.capacitance_ff;
         sensor.swing_v = options.swing_v;
         let electrons = Sensor::electrons(sensor.capacitance_ff * sensor.swing_v);
+        if options.light_uncertainty.is_some_and(|u| !(u > 0.0 && u < 1.0)) {
+            return Err(Error::new(Kind::Usage, "light uncertainty")
+                .expected("a relative standard deviation above 0 and below 1, such as 0.01"));
+        }
         let redrawn = options.redrawn.unwrap_or(Redrawn::EveryReadout);
         Ok(Self {
             observed,
@@ -118,6 +137,12 @@ impl<'a> Fitter<'a> {
             fits: vec![PixelFit::UNKNOWN; geometry.pixels()],
             threshold: vec![[1.0, 0.0]; geometry.pixels()],
             offsets: vec![NOTHING; observed.levels.len()],
+            level_sd: vec![0.0; observed.levels.len()],
+            wrong: vec![false; observed.levels.len()],
+            saturated: observed.levels.iter().map(|l| l.median_rate() > SATURATED).collect(),
+            alignment: None,
+            misfit_scale: 1.0,
+            redrawn_told: options.redrawn.is_some(),
             remembered: vec![1.0; observed.levels.len()],
             bias_share: Estimate { value: f64::NAN, error: f64::INFINITY, samples: 0 },
             sigma_t: NOTHING,
@@ -190,10 +215,10 @@ impl<'a> Fitter<'a> {
         let of_length = level.readouts > 0;
         // Silence in the dark says that the dark current is small; the lit levels alone would leave it anywhere about
         // zero, and a camera file holds what lies above. Silence in light is a dead pixel's.
-        if f.is_nan() || f > SATURATED || (of_length && n == 0 && level.light > 0.0) {
+        if self.saturated[k] || f.is_nan() || f > SATURATED || (of_length && n == 0 && level.light > 0.0) {
             return None;
         }
-        let by_time = of_length && n >= LEAST_SPIKES;
+        let by_time = of_length && n >= TIMED;
         let f = if by_time { without_end_bias(f, f64::from(n - 1)) } else { f };
         // The noise is a voltage, and nearly all spread of thresholds is one of voltages.
         let own = |phi: f64| self.noise.square.sqrt() / phi;
@@ -211,38 +236,44 @@ impl<'a> Fitter<'a> {
         };
         let variance = match (of_length, by_time) {
             (true, true) => weighting.variance(f, f64::from(n - 1), lit),
-            // Up to two spikes: a count at a random phase is off by half a spike at most.
+            // A spike or none: a count at a random phase is off by half a spike at most.
             (true, false) => 0.25 / (f64::from(level.readouts)).powi(2),
             // A map of unknown length: as after a thousand spikes.
             (false, _) => weighting.variance(f, 1000.0, lit) + 1e-14,
         };
         let light = level.light + self.offsets[k].value;
-        Some(Point { level: k, light, x, variance, bias, by_threshold: -by_threshold / kept })
+        let timed = by_time || !of_length;
+        Some(Point { level: k, light, x, variance, bias, timed, by_threshold: -by_threshold / kept })
     }
 
     /// Fits levels and pixels; with `test`, how much of the rate bias is there as well.
     fn fit(&mut self, test: bool) {
-        for _ in 0..2 {
-            self.fits = (0..self.fits.len()).into_par_iter().map(|p| self.pixel(p)).collect();
-            self.fit_levels(test);
-        }
+        self.settle(test);
         self.fits = (0..self.fits.len()).into_par_iter().map(|p| self.pixel(p)).collect();
     }
 
+    /// The weighted line of a pixel under the levels as they are now.
+    pub(super) fn line(&self, p: usize) -> PixelFit {
+        let points: Vec<_> = self.points(p).iter().map(|q| (q.light, q.x, q.variance)).collect();
+        fit_line(&points).unwrap_or(PixelFit::UNKNOWN)
+    }
+
+    /// The line of a pixel, judged: beside the other pixels, for what none of them follows is no pixel's fault.
     fn pixel(&self, p: usize) -> PixelFit {
         let own = self.points(p);
         let points: Vec<_> = own.iter().map(|q| (q.light, q.x, q.variance)).collect();
         let Some(mut fit) = fit_line(&points) else { return PixelFit::UNKNOWN };
-        if fit.is_misfit()
+        let mut worse = self.misfit_scale;
+        if fit.is_misfit(self.misfit_scale)
             && let Some((a, d)) = least_absolute(&points)
         {
-            let worse = fit.chi2 / f64::from(fit.freedom);
+            worse = fit.chi2 / f64::from(fit.freedom);
             fit = PixelFit { a, d, robust: true, ..fit };
-            // The levels disagree by more than their errors: so much larger is the line's.
-            fit.var_a *= worse;
-            fit.var_d *= worse;
-            fit.cov *= worse;
         }
+        // The levels disagree by more than their errors: so much larger is the line's.
+        fit.var_a *= worse;
+        fit.var_d *= worse;
+        fit.cov *= worse;
         self.add_threshold_error(p, &mut fit, &own);
         fit
     }
@@ -262,32 +293,11 @@ impl<'a> Fitter<'a> {
         fit.by_threshold = [step.a, step.d];
     }
 
-    /// Noise redrawn at every readout, or frozen: whichever the dark rate agrees with.
-    fn choose_redraw(&mut self) {
-        let share = self.bias_share;
-        if share.error > TOLD {
-            self.notes.push(format!(
-                "Whether threshold noise is redrawn at every readout cannot be told (share of its rate bias {:.2} +- {:.2}); every readout is assumed.",
-                share.value, share.error
-            ));
-            return;
-        }
-        let frozen = share.value < 0.5;
-        self.noise.redrawn = if frozen { Redrawn::EveryReset } else { Redrawn::EveryReadout };
-        let distance = (share.value - if frozen { 0.0 } else { 1.0 }).abs() / share.error;
-        if distance > 4.0 {
-            self.notes.push(format!(
-                "The dark rate contradicts both rules of threshold noise: {:.2} +- {:.2} of the bias of a redraw at every readout is there.",
-                share.value, share.error
-            ));
-        }
-    }
-
     /// Posterior of every threshold: gains, currents and thresholds are normal over the
     /// population, a pixel has `(a, d) = (g, D) / phi`, so `(g, D) = (a phi, d phi)` has the
     /// density of two normals, with `phi^2` for the change of variables.
     fn draw_thresholds(&mut self) {
-        let population = Population::of(self.fits.iter().filter(|f| !f.robust));
+        let population = self.population();
         let sigma = population.sigma_phi;
         if sigma.value.is_nan() || sigma.value <= 2.0 * sigma.error {
             self.threshold.fill([1.0, sigma.value.max(sigma.error).min(1.0)]);
@@ -305,28 +315,47 @@ impl<'a> Fitter<'a> {
             }
             let precision = 1.0 / square + fit.a * fit.a / gain + fit.d * fit.d / dark;
             let mean = (1.0 / square + fit.a * mean_g / gain + fit.d * mean_d / dark) / precision;
-            [mean + 2.0 / (precision * mean), precision.sqrt().recip()]
+            let [mode, sd] = [mean + 2.0 / (precision * mean), precision.sqrt().recip()];
+            if mode.is_finite() && mode > 0.0 && sd.is_finite() { [mode, sd] } else { [1.0, sigma.value] }
         };
         self.threshold = self.fits.par_iter().map(of_pixel).collect();
+    }
+
+    /// Pixels whose dark rate lies six robust deviations above the median.
+    pub(super) fn hot(&self) -> Vec<usize> {
+        let (centre, spread) =
+            median_and_spread(&mut finite(&self.fits.iter().map(|f| f.d).collect::<Vec<_>>()));
+        (0..self.fits.len()).filter(|p| self.fits[*p].d > centre + 6.0 * spread).collect()
+    }
+
+    /// Moments over pixels without a defect: these have a list of their own, and a few hot ones would double the spread of all.
+    fn population(&self) -> Population {
+        let mut usual: Vec<bool> = self.fits.iter().map(|f| !f.robust).collect();
+        self.hot().into_iter().for_each(|p| usual[p] = false);
+        Population::of(self.fits.iter().zip(&usual).filter(|(_, usual)| **usual).map(|(fit, _)| fit))
     }
 
     fn finish(mut self, options: &Options) -> Result<Calibration> {
         let fits = &self.fits;
         let fired = |p: &usize| self.observed.levels.iter().all(|l| l.light == 0.0 || l.rate[*p] <= 0.0);
         let dead: Vec<usize> = (0..fits.len()).filter(fired).collect();
-        let (centre, spread) = median_and_spread(&mut finite(&fits.iter().map(|f| f.d).collect::<Vec<_>>()));
-        let hot = (0..fits.len()).filter(|p| fits[*p].d > centre + 6.0 * spread).collect();
+        let hot = self.hot();
         let misfits = (0..fits.len()).filter(|p| fits[*p].robust).collect();
-        let population = Population::of(fits.iter().filter(|f| !f.robust));
+        let mut population = self.population();
         check_precision(&self, &population, options)?;
+        self.say_of_levels();
+        let (scale, shift) = self.alignment.as_ref().map_or((0.0, 0.0), |a| (a.scale_error, a.shift_error));
+        population.widen(scale, shift);
+        self.electrons.error = self.electrons.error.hypot(self.electrons.value * scale);
         if self.electrons.error.is_nan() {
             self.notes.push(format!(
                 "The intervals did not tell quanta from threshold noise: the {:.0} electrons per spike of the nominal circuit are assumed; threshold noise, and the standard errors of a and d, hold as far as that does.",
                 self.electrons.value
             ));
         }
-        super::output::identify(&mut self.notes, self.observed, &population, self.bias_share);
-        let levels = self.observed.levels.iter().map(|l| l.light).zip(self.offsets).collect();
+        let told = self.redrawn_told;
+        super::output::identify(&mut self.notes, self.observed, &population, self.bias_share, told);
+        let levels = self.lamps(scale, shift);
         Ok(Calibration {
             sensor: self.sensor,
             fits: self.fits,
@@ -336,6 +365,8 @@ impl<'a> Fitter<'a> {
             electrons: self.electrons,
             dark_shot: if self.noise.dark > 0.0 { 1.0 } else { 0.0 },
             redrawn: self.noise.redrawn,
+            redrawn_told: self.redrawn_told,
+            light_scale_error: scale,
             bias_share: self.bias_share,
             levels,
             dead,

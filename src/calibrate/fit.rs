@@ -60,14 +60,21 @@ pub struct PixelFit {
 }
 
 impl PixelFit {
-    /// Whether the chi-square is beyond five deviations (Wilson and Hilferty's cube root).
-    pub(super) fn is_misfit(&self) -> bool {
+    /// Chi-square over the median of its law (Wilson and Hilferty's cube root); `None` without a degree of freedom.
+    pub(super) fn misfit(&self) -> Option<f64> {
+        let n = f64::from(self.freedom);
+        (self.freedom > 0 && self.chi2.is_finite()).then(|| self.chi2 / n / (1.0 - 2.0 / (9.0 * n)).powi(3))
+    }
+
+    /// Whether the chi-square is beyond five deviations (Wilson and Hilferty), where that of the typical pixel is `scale` times
+    /// what it should be.
+    pub(super) fn is_misfit(&self, scale: f64) -> bool {
         if self.freedom < 2 {
             return false;
         }
         let n = f64::from(self.freedom);
         let c = 2.0 / (9.0 * n);
-        ((self.chi2 / n).cbrt() - 1.0 + c) / c.sqrt() > 5.0
+        ((self.chi2 / n / scale).cbrt() - 1.0 + c) / c.sqrt() > 5.0
     }
 
     /// A pixel that could not be fitted: NaN.

@@ -96,6 +96,12 @@ impl Fitter<'_> {
         }
     }
 
+    /// The nominal capacitor's thermal noise at room temperature, over the square of the threshold.
+    pub(super) fn nominal_square(&self) -> f64 {
+        let square = crate::units::BOLTZMANN_J_PER_K * 293.0 / (self.sensor.capacitance_ff * 1e-15);
+        square / self.sensor.swing_v.powi(2)
+    }
+
     /// Without the variance of dark intervals: the quanta of the nominal circuit, and what remains.
     fn assume_noise(&mut self, lit: &[Growth], nominal: f64) {
         self.electrons = Estimate { value: nominal, error: f64::NAN, samples: 0 };
@@ -106,9 +112,7 @@ impl Fitter<'_> {
                 self.set_noise(((g.s.value - g.light / nominal) / g.threshold).max(0.0), f64::NAN);
             }
             None => {
-                // kTC noise at room temperature.
-                let square = crate::units::BOLTZMANN_J_PER_K * 293.0 / (self.sensor.capacitance_ff * 1e-15);
-                self.noise.square = square / self.sensor.swing_v.powi(2);
+                self.noise.square = self.nominal_square();
                 self.sigma_t = Estimate { value: self.noise.square.sqrt(), error: f64::NAN, samples: 0 };
             }
         }
@@ -122,8 +126,11 @@ impl Fitter<'_> {
             n if n < 32.0 => (n - 4.0).max(0.0).powi(2) / 28.0,
             n => n - 4.0,
         };
+        // A hot pixel has the most intervals of all in the dark, and noise of its own.
+        let mut usual: Vec<bool> = self.fits.iter().map(|f| !f.robust).collect();
+        self.hot().into_iter().for_each(|p| usual[p] = false);
         let good: Vec<usize> =
-            (0..map.len()).filter(|p| map[*p].is_finite() && level.rate[*p] < 0.2).collect();
+            (0..map.len()).filter(|p| usual[*p] && map[*p].is_finite() && level.rate[*p] < 0.2).collect();
         let total: f64 = good.iter().map(|p| weight(*p)).sum();
         if good.len() < 16 || total <= 0.0 {
             return None;

@@ -37,11 +37,13 @@ pub struct Level {
     pub name: String,
     /// Light in fractions of what gives one spike per readout.
     pub light: f64,
+    /// Relative uncertainty of the light, where the set states it.
+    pub uncertainty: Option<f64>,
     /// Readouts; 0 for a rate map of unknown length.
     pub readouts: u32,
     /// Spikes per pixel.
     pub spikes: Vec<u32>,
-    /// Time-based rate, spikes per readout; by count below three spikes.
+    /// Time-based rate, spikes per readout; by count below two spikes.
     pub rate: Vec<f64>,
     /// Share of the pixels whose two halves differ more than a static scene allows.
     pub drifting: f64,
@@ -61,11 +63,20 @@ impl Level {
         last: &[u32],
     ) -> Self {
         let rate = |p: usize| match count[p] {
-            0..3 => f64::from(count[p]) / f64::from(readouts),
+            0..check::TIMED => f64::from(count[p]) / f64::from(readouts),
             n => f64::from(n - 1) / f64::from(last[p] - first[p]),
         };
         let rate = (0..count.len()).map(rate).collect();
-        Self { name: name.to_owned(), light, readouts, spikes: count, rate, drifting: 0.0, noise: None }
+        Self {
+            name: name.to_owned(),
+            light,
+            uncertainty: None,
+            readouts,
+            spikes: count,
+            rate,
+            drifting: 0.0,
+            noise: None,
+        }
     }
 
     /// Median rate of the pixels.
@@ -112,7 +123,8 @@ pub fn observe(set: &RecordingSet, progress: Progress<'_>) -> Result<Observed> {
         if wanted {
             let dim = light.level().is_some_and(|l| l <= DIM);
             let statistics = measured(reader, dim, &mut tell)?;
-            let level = level(name, light.level().unwrap_or(f64::NAN), &statistics);
+            let mut level = level(name, light.level().unwrap_or(f64::NAN), &statistics);
+            level.uncertainty = recording.light_uncertainty.or(set.light_uncertainty);
             match light.level() {
                 Some(_) => observed.levels.push(level),
                 None => {
@@ -126,7 +138,9 @@ pub fn observe(set: &RecordingSet, progress: Progress<'_>) -> Result<Observed> {
         done += reader.readouts();
     }
     for map in &set.rate_maps {
-        observed.levels.push(rate_map(&set.folder, map, geometry)?);
+        let mut level = rate_map(&set.folder, map, geometry)?;
+        level.uncertainty = map.light_uncertainty.or(set.light_uncertainty);
+        observed.levels.push(level);
     }
     observed.levels.sort_by(|a, b| a.light.total_cmp(&b.light));
     check::levels(&observed)?;
@@ -212,5 +226,14 @@ fn rate_map(folder: &Path, map: &RateMap, geometry: Geometry) -> Result<Level> {
     }
     let readouts = map.readouts.unwrap_or(0);
     let spikes = rate.iter().map(|r| (r * f64::from(readouts)).round() as u32).collect();
-    Ok(Level { name: map.file.clone(), light: map.light, readouts, spikes, rate, drifting: 0.0, noise: None })
+    Ok(Level {
+        name: map.file.clone(),
+        light: map.light,
+        uncertainty: None,
+        readouts,
+        spikes,
+        rate,
+        drifting: 0.0,
+        noise: None,
+    })
 }

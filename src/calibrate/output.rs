@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::observe::Observed;
 use super::population::Population;
-use super::result::{Calibration, Redrawn};
+use super::result::{Calibration, Lamp, Redrawn};
 use super::snee::{Snee, SneeMaps};
 use crate::error::{Error, Kind, Result};
 use crate::measure::{Estimate, median};
@@ -28,10 +28,11 @@ pub(super) fn identify(
     observed: &Observed,
     population: &Population,
     bias_share: Estimate,
+    redrawn_told: bool,
 ) {
     let mut say = |text: String| notes.push(text);
     say("Identified for every pixel: a and d, its charge per readout at full light and in the dark, in its own thresholds.".to_owned());
-    say("Not identified by any static recording: how a and d split into gain, dark current, capacitance and threshold voltage; the maps hold the posterior means, the whole spread of thresholds as one of voltages.".to_owned());
+    say("Not identified by any static recording: how a and d split into gain, dark current, capacitance and threshold voltage; each threshold of the maps is a draw from its posterior, and the whole spread of thresholds stands as one of voltages.".to_owned());
     let phi = population.sigma_phi;
     if phi.value > 2.0 * phi.error {
         say(format!(
@@ -47,14 +48,14 @@ pub(super) fn identify(
     }
     let light = observed.levels.iter().filter(|l| l.light > 0.0).count();
     say(format!(
-        "The scale of a is that of the light given ({light} lit levels); an error common to all of them cannot be seen."
+        "The scale of a is that of the light given ({light} lit levels): an error common to all of them cannot be told, and what is stated of single levels is averaged."
     ));
     if observed.levels.iter().filter(|l| l.median_rate() <= super::check::SATURATED).count() == 2 {
         say("Two levels below saturation: a line passes through any two. Whether rates follow the light in proportion, whether a given level is wrong, and which pixels do not fit the model cannot be told, and chi-square has no degrees of freedom; a third level would tell.".to_owned());
     }
     if observed.levels.iter().all(|l| l.light > 0.0) {
         say("Without a recording in the dark, d is an extrapolation, and threshold noise was not told from shot noise.".to_owned());
-    } else if bias_share.error < super::estimate::TOLD {
+    } else if redrawn_told && bias_share.error.is_finite() {
         say(format!(
             "Of the rate that noise redrawn at every readout would add, {:.3} +- {:.3} was found (1: redrawn at every readout, 0: frozen from reset to reset).",
             bias_share.value, bias_share.error
@@ -67,17 +68,25 @@ pub(super) fn identify(
     }
 }
 
-fn number(e: Estimate) -> serde_json::Value {
-    let part = |x: f64| if x.is_finite() { json!(x) } else { serde_json::Value::Null };
-    json!({ "value": part(e.value), "error": part(e.error) })
+/// Value and error as far as they are known.
+fn number(e: Estimate) -> Value {
+    let parts = [("value", e.value), ("error", e.error)];
+    parts.into_iter().filter(|(_, x)| x.is_finite()).map(|(key, x)| (key.to_owned(), json!(x))).collect()
+}
+
+fn lamp(l: &Lamp) -> Value {
+    json!({
+        "file": l.file, "stated": l.stated, "stated_uncertainty": l.uncertainty, "found": l.found(),
+        "deviation": number(l.deviation), "wrong": l.wrong, "saturated": l.saturated,
+    })
 }
 
 impl Calibration {
-    /// Everything but the maps, as JSON. Numbers that are not known are null.
+    /// Everything but the maps, as JSON. Numbers that are not known are left out.
     #[must_use]
-    pub fn to_json(&self) -> serde_json::Value {
+    pub fn to_json(&self) -> Value {
         let p = &self.population;
-        json!({
+        let mut whole = json!({
             "width": self.sensor.geometry.width(),
             "height": self.sensor.geometry.height(),
             "readout_hz": self.sensor.readout_hz,
@@ -89,18 +98,32 @@ impl Calibration {
             "sigma_t": number(self.sigma_t),
             "electrons_per_spike": number(self.electrons),
             "dark_shot_noise": self.dark_shot,
+            "redraw_told": self.redrawn_told,
             "redraw": if self.redrawn == Redrawn::EveryReadout { "every-readout" } else { "every-reset" },
             "bias_share": number(self.bias_share),
             "lost_increment": self.lost_increment,
-            "chi2_per_freedom": self.chi2_per_freedom(),
-            "levels": self.levels.iter().map(|(l, e)| json!({"light": l, "deviation": number(*e)})).collect::<Vec<_>>(),
-            "snee": self.paper.as_ref().map(|paper| self.paper_json(paper)),
+            "light_scale_error": self.light_scale_error,
+            "levels": self.levels.iter().map(lamp).collect::<Vec<_>>(),
+            "unknown_pixels": self.unknown(),
             "dead": self.dead, "hot": self.hot, "misfits": self.misfits,
             "notes": self.notes,
-        })
+        });
+        if let Some(chi2) = self.chi2_per_freedom() {
+            whole["chi2_per_freedom"] = json!(chi2);
+        }
+        if let Some(paper) = &self.paper {
+            whole["snee"] = self.paper_json(paper);
+        }
+        whole
     }
 
-    fn paper_json(&self, paper: &SneeMaps) -> serde_json::Value {
+    /// Pixels that tell nothing: of these the files hold the population's means.
+    #[must_use]
+    pub fn unknown(&self) -> Vec<usize> {
+        (0..self.fits.len()).filter(|p| !self.fits[*p].a.is_finite()).collect()
+    }
+
+    fn paper_json(&self, paper: &SneeMaps) -> Value {
         let moments = |of: fn(&Snee) -> f64| {
             let (mean, sd) = mean_and_sd(&paper.map(of));
             json!({ "mean": mean, "sd": sd })
@@ -124,9 +147,23 @@ impl Calibration {
         (!all.is_empty()).then(|| median(&mut all))
     }
 
-    pub(super) fn maps(&self) -> [(&'static str, Vec<f64>); 6] {
-        let map = |f: fn(&super::PixelFit) -> f64| self.fits.iter().map(f).collect::<Vec<f64>>();
+    /// Maps of the fit, with the population's means and spreads for pixels that tell nothing: `known` is 0 there.
+    pub(super) fn maps(&self) -> [(&'static str, Vec<f64>); 7] {
+        let p = &self.population;
+        let of_population = super::PixelFit {
+            a: p.mean_a.value,
+            d: p.mean_d.value,
+            var_a: p.sd_a.value.powi(2),
+            var_d: p.sd_d.value.powi(2),
+            chi2: 0.0,
+            ..super::PixelFit::UNKNOWN
+        };
+        let known = |f: &super::PixelFit| f.a.is_finite();
+        let map = |of: fn(&super::PixelFit) -> f64| {
+            self.fits.iter().map(|f| of(if known(f) { f } else { &of_population })).collect::<Vec<f64>>()
+        };
         [
+            ("known", self.fits.iter().map(|f| f64::from(u8::from(known(f)))).collect()),
             ("a", map(|f| f.a)),
             ("a_error", map(|f| f.var_a.sqrt())),
             ("d", map(|f| f.d)),

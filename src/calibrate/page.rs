@@ -1,5 +1,6 @@
 //! `report.html` of a calibration.
 
+use super::fit::PixelFit;
 use super::output::mean_and_sd;
 use super::result::Calibration;
 use super::snee::{Snee, SneeMaps};
@@ -13,7 +14,8 @@ use crate::report::{Curve, Part, Table, bars, heat_map, page as render};
 /// When a plot cannot be made.
 pub fn page(c: &Calibration) -> Result<String> {
     let width = c.sensor.geometry.width();
-    let [(_, a), _, (_, d), ..] = c.maps();
+    let map = |of: fn(&PixelFit) -> f64| c.fits.iter().map(of).collect::<Vec<f64>>();
+    let (a, d) = (map(|f| f.a), map(|f| f.d));
     let mut parts = vec![
         Part::heading("Population"),
         Part::Table(population(c)),
@@ -58,14 +60,21 @@ fn population(c: &Calibration) -> Table {
 }
 
 fn levels(c: &Calibration) -> Table {
-    let mut table = Table::new(&["light given", "deviation found", "standard error"]);
-    for (light, e) in &c.levels {
-        // The dark is dark: its deviation was not asked for.
-        let (value, error) = match *light {
-            0.0 => ("none assumed".to_owned(), String::new()),
-            _ => (format!("{:+.2e}", e.value), format!("{:.1e}", e.error)),
+    let mut table =
+        Table::new(&["recording", "light stated", "found", "difference", "standard error", "verdict"]);
+    for lamp in &c.levels {
+        let relative = |x: f64| format!("{:.3} %", 100.0 * x / lamp.stated);
+        let cells = match (lamp.stated == 0.0, lamp.saturated) {
+            (true, _) => ["0".to_owned(), String::new(), String::new(), "dark, by what is stated".to_owned()],
+            (_, true) => [String::new(), String::new(), String::new(), "saturated: not told".to_owned()],
+            _ => [
+                format!("{:.5}", lamp.found()),
+                relative(lamp.deviation.value),
+                relative(lamp.deviation.error),
+                if lamp.wrong { "off, and left out of the scale" } else { "as stated" }.to_owned(),
+            ],
         };
-        table.row([format!("{light:.5}"), value, error]);
+        table.row([lamp.file.clone(), format!("{:.5}", lamp.stated)].into_iter().chain(cells));
     }
     table
 }

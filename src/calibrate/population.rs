@@ -50,6 +50,15 @@ impl Population {
             sigma_phi: threshold_spread(covariance),
         }
     }
+
+    /// Adds to the errors what all pixels share: the relative error of the light's scale, and the error of its shift.
+    pub(super) fn widen(&mut self, scale: f64, shift: f64) {
+        for e in [&mut self.mean_a, &mut self.sd_a] {
+            e.error = e.error.hypot(scale * e.value);
+        }
+        self.mean_d.error = self.mean_d.error.hypot(self.mean_a.value * shift);
+        self.sd_d.error = self.sd_d.error.hypot(self.sd_a.value * shift);
+    }
 }
 
 /// Root of the mean of `x^2 - variance`.

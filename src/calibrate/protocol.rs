@@ -81,6 +81,7 @@ impl Protocol {
         let recording = |(stem, light): &(String, Light)| Recording {
             file: format!("{stem}.dat"),
             light: light.scaled(camera.sensor.thresholds_at_full_scale),
+            light_uncertainty: None,
             layout: None,
         };
         let set = RecordingSet {
@@ -88,6 +89,7 @@ impl Protocol {
             height: geometry.height() as u32,
             readout_hz: camera.sensor.readout_hz,
             layout: None,
+            light_uncertainty: None,
             simulated: Some(camera.name.clone()),
             recordings: self.recordings.iter().map(recording).collect(),
             rate_maps: Vec::new(),

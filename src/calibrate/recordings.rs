@@ -113,6 +113,9 @@ pub struct Recording {
     pub file: String,
     /// What was in front of the camera.
     pub light: Light,
+    /// Relative uncertainty of its light, when it differs from the set's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_uncertainty: Option<f64>,
     /// File layout, when it differs from the set's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub layout: Option<String>,
@@ -126,6 +129,9 @@ pub struct RateMap {
     pub file: String,
     /// Uniform level of light; without one the brightest map sets the unit.
     pub light: f64,
+    /// Relative uncertainty of its light, when it differs from the set's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_uncertainty: Option<f64>,
     /// Readouts that the rates come from, when known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub readouts: Option<u32>,
@@ -144,6 +150,9 @@ pub struct RecordingSet {
     /// Layout of the files, `dat` when absent; see [`Layout`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub layout: Option<String>,
+    /// Relative uncertainty of the light levels, 0.01 when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_uncertainty: Option<f64>,
     /// The camera that was simulated, when no real one made these recordings: reports say so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub simulated: Option<String>,
@@ -227,12 +236,24 @@ impl RecordingSet {
         for map in &self.rate_maps {
             Light::Level(map.light).check(&map.file)?;
         }
+        self.check_uncertainties()?;
         if self.recordings.is_empty() && self.rate_maps.is_empty() {
             return Err(Error::new(Kind::Config, "recording set")
                 .found("no recordings")
                 .expected("[[recording]] or [[rate_map]] entries"));
         }
         self.check_repeats()
+    }
+
+    fn check_uncertainties(&self) -> Result<()> {
+        let own = self.recordings.iter().filter_map(|r| r.light_uncertainty);
+        let maps = self.rate_maps.iter().filter_map(|m| m.light_uncertainty);
+        match own.chain(maps).chain(self.light_uncertainty).find(|u| !(*u > 0.0 && *u < 1.0)) {
+            None => Ok(()),
+            Some(u) => Err(Error::new(Kind::Config, "light_uncertainty")
+                .found(u)
+                .expected("a relative standard deviation above 0 and below 1, such as 0.01")),
+        }
     }
 
     fn check_repeats(&self) -> Result<()> {

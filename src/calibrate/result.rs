@@ -19,13 +19,41 @@ pub enum Redrawn {
     EveryReset,
 }
 
+/// Relative standard deviation of a light level of which nobody says how well it is known: that of a laboratory's meter.
+pub const LIGHT_UNCERTAINTY: f64 = 0.01;
+
+/// A light level as it was stated and as it was found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lamp {
+    /// Its file.
+    pub file: String,
+    /// Light as the set states it.
+    pub stated: f64,
+    /// Relative standard deviation of what is stated.
+    pub uncertainty: f64,
+    /// Light found, less the stated; the error holds what no recording tells, the scale of all levels.
+    pub deviation: Estimate,
+    /// Whether it lies off the line of the others by more than its uncertainty explains; it was left out where the levels set the scale.
+    pub wrong: bool,
+    /// Whether most pixels fire at nearly every readout: nothing is known of it then.
+    pub saturated: bool,
+}
+
+impl Lamp {
+    /// Light found.
+    #[must_use]
+    pub fn found(&self) -> f64 {
+        self.stated + self.deviation.value
+    }
+}
+
 /// What the estimator takes as known.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// Share of the first increment after a spike that the reset loses.
     pub lost_increment: f64,
-    /// Relative uncertainty of a light level.
-    pub light_uncertainty: f64,
+    /// Relative standard deviation of every light level; `None` takes what the set states, else [`LIGHT_UNCERTAINTY`].
+    pub light_uncertainty: Option<f64>,
     /// When the threshold noise is redrawn; `None` asks the data.
     pub redrawn: Option<Redrawn>,
     /// Nominal capacitance in femtofarads: sets units, no spike depends on it.
@@ -40,7 +68,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             lost_increment: 0.002,
-            light_uncertainty: 1e-3,
+            light_uncertainty: None,
             redrawn: None,
             capacitance_ff: 4.348,
             swing_v: 1.1,
@@ -54,7 +82,7 @@ impl Default for Options {
 pub struct Calibration {
     /// The sensor, with the nominal circuit of the options.
     pub sensor: Sensor,
-    /// Every pixel's line; NaN for pixels that tell nothing.
+    /// Every pixel's line; NaN for pixels that tell nothing, of which files hold the population's means.
     pub fits: Vec<PixelFit>,
     /// Posterior mean of the threshold over the nominal one, and its standard deviation.
     pub threshold: Vec<[f64; 2]>,
@@ -68,10 +96,15 @@ pub struct Calibration {
     pub dark_shot: f64,
     /// When the threshold noise is redrawn.
     pub redrawn: Redrawn,
+    /// Whether the data told that rule, or it was given; else it is the nominal one, at every reset.
+    pub redrawn_told: bool,
     /// Rate bias found over rate bias of noise redrawn at every readout: 1 or 0 in theory.
     pub bias_share: Estimate,
-    /// Light levels and their fitted deviations.
-    pub levels: Vec<(f64, Estimate)>,
+    /// Light levels, by rising light.
+    pub levels: Vec<Lamp>,
+    /// Relative standard error of the scale of all levels, which no recording tells: the errors of the gain's and the electrons' population hold it,
+    /// those of single pixels do not.
+    pub light_scale_error: f64,
     /// Pixels that never fired in lit recordings.
     pub dead: Vec<usize>,
     /// Pixels whose dark current lies six robust deviations above the median.

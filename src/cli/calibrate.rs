@@ -9,6 +9,7 @@ use spikelane::calibrate::{
     Calibration, Files as Written, Options, RecordingSet, SneeOptions, calibrate, observe, snee, write,
 };
 use spikelane::error::Result;
+use spikelane::measure::Estimate;
 use spikelane::storage::refuse_existing;
 
 use super::output::Out;
@@ -25,9 +26,9 @@ pub struct Args {
     /// Share of the first increment after a spike that the reset loses.
     #[arg(long, default_value_t = 0.002)]
     dead_time: f64,
-    /// Relative uncertainty of the light levels.
-    #[arg(long, default_value_t = 1e-3)]
-    light_uncertainty: f64,
+    /// Relative standard deviation of the light levels [default: what the set states, else 0.01].
+    #[arg(long, value_name = "SHARE")]
+    light_uncertainty: Option<f64>,
     /// Refuse a set that gives the gain of a pixel less precisely than this (relative).
     #[arg(long)]
     precision: Option<f64>,
@@ -71,7 +72,8 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
 }
 
 fn text(calibration: &Calibration, files: &Written) -> String {
-    let mut lines = calibration.notes.clone();
+    let mut lines = found(calibration);
+    lines.extend(calibration.notes.iter().cloned());
     if let Some(paper) = &calibration.paper {
         let edges = paper.edges();
         lines.push(format!(
@@ -85,4 +87,48 @@ fn text(calibration: &Calibration, files: &Written) -> String {
     }
     lines.extend([&files.camera, &files.json, &files.report].map(|f| f.display().to_string()));
     lines.join("\n") + "\n"
+}
+
+/// The numbers found, a line each, and every lamp.
+fn found(c: &Calibration) -> Vec<String> {
+    let p = &c.population;
+    let value = |e: Estimate, digits: usize| match e.error.is_finite() {
+        true => format!("{:.digits$} +- {:.digits$}", e.value, e.error),
+        false => format!("{:.digits$} (assumed)", e.value),
+    };
+    let mut lines = vec![
+        format!(
+            "gain                  {} thresholds a readout at full light, spread {}",
+            value(p.mean_a, 5),
+            value(p.sd_a, 5)
+        ),
+        format!(
+            "dark rate             {} thresholds a readout, spread {}",
+            value(p.mean_d, 6),
+            value(p.sd_d, 6)
+        ),
+        format!("electrons a spike     {}", value(c.electrons, 0)),
+        format!("threshold noise       {} of the threshold", value(c.sigma_t, 6)),
+        format!(
+            "defects               {} dead, {} hot, {} off their line, {} unknown",
+            c.dead.len(),
+            c.hot.len(),
+            c.misfits.len(),
+            c.unknown().len()
+        ),
+    ];
+    for lamp in c.levels.iter().filter(|l| l.stated > 0.0) {
+        let said = match (lamp.saturated, lamp.wrong) {
+            (true, _) => "saturated: not told".to_owned(),
+            (_, wrong) => format!(
+                "found {:.5} ({:+.3} % +- {:.3} %){}",
+                lamp.found(),
+                100.0 * lamp.deviation.value / lamp.stated,
+                100.0 * lamp.deviation.error / lamp.stated,
+                if wrong { ", off" } else { "" }
+            ),
+        };
+        lines.push(format!("light {:<15.5} {said}; {}", lamp.stated, lamp.file));
+    }
+    lines
 }
