@@ -52,6 +52,8 @@ mod interpolation;
 pub mod kernels;
 pub mod light;
 pub mod measure;
+#[cfg(feature = "files")]
+pub mod npy;
 pub mod pixel;
 pub mod plan;
 #[cfg(feature = "files")]

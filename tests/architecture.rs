@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// Rooms from the ground up; rooms on one line do not see each other.
 const HOUSE: &[&[&str]] = &[
     &["error"],
-    &["units", "interpolation"],
+    &["units", "interpolation", "npy"],
     &["draws", "spikes", "pixel"],
     &["sensor"],
     &["effects"],

@@ -175,7 +175,7 @@ fn names_parse_back_and_an_unknown_one_lists_them() {
 #[test]
 fn a_file_of_npy_begins_as_numpy_writes_it() {
     let g = Geometry::new(13, 5).unwrap();
-    for (layout, shape) in [(Layout::NpyBits, "(7, 5, 2, )"), (Layout::NpyBytes, "(7, 5, 13, )")] {
+    for (layout, shape) in [(Layout::NpyBits, "(7, 5, 2)"), (Layout::NpyBytes, "(7, 5, 13)")] {
         let header = layout.header(g, 7).unwrap();
         assert_eq!(&header[..8], b"\x93NUMPY\x01\x00");
         let text = usize::from(u16::from_le_bytes([header[8], header[9]]));

@@ -2,14 +2,14 @@
 #![cfg(feature = "files")]
 
 use std::fs;
-use std::io::Cursor;
+use std::io::{Cursor, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use npyz::{AutoSerialize, WriterBuilder};
 use spikelane::light::ffmpeg::Decoded;
 use spikelane::light::picture::Linear;
 use spikelane::light::{Fit, Frame, Options, Rate, Samples, Source, Transfer, open, open_reader};
+use spikelane::npy::Element;
 use spikelane::{Error, Geometry, Kind};
 use tempfile::TempDir;
 
@@ -38,12 +38,28 @@ fn refused(path: &Path, options: &Options) -> (Kind, String) {
     (error.kind(), text)
 }
 
-fn npy<T: AutoSerialize + Copy>(shape: &[u64], values: &[T]) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    let options = npyz::WriteOptions::new().default_dtype().shape(shape);
-    let mut writer = options.writer(&mut bytes).begin_nd().unwrap();
-    writer.extend(values.iter().copied()).unwrap();
-    writer.finish().unwrap();
+/// A type of numbers and its bytes in a file.
+trait Number: Copy {
+    const ELEMENT: Element;
+    fn bytes(self) -> Vec<u8>;
+}
+
+macro_rules! number {
+    ($($t:ty: $element:ident),*) => {
+        $(impl Number for $t {
+            const ELEMENT: Element = Element::$element;
+            fn bytes(self) -> Vec<u8> {
+                self.to_le_bytes().into()
+            }
+        })*
+    };
+}
+
+number!(u8: U8, u16: U16, f32: F32);
+
+fn npy<T: Number>(shape: &[u64], values: &[T]) -> Vec<u8> {
+    let mut bytes = spikelane::npy::header(T::ELEMENT, shape);
+    bytes.extend(values.iter().flat_map(|v| v.bytes()));
     bytes
 }
 
@@ -113,17 +129,17 @@ fn arrays_that_are_no_frames_say_why() {
         npy_of(&format!("{{'descr': {descr}, 'fortran_order': {order}, 'shape': {shape}, }}"), &[0; 64])
     };
     for (name, bytes, says) in [
-        ("double", header("'<f8'", "False", "(2, 2)"), "f8"),
-        ("signed", header("'|i1'", "False", "(2, 2)"), "i1"),
+        ("double", header("'<f8'", "False", "(2, 2)"), "f64"),
+        ("signed", header("'|i1'", "False", "(2, 2)"), "i8"),
         ("fortran", header("'|u1'", "True", "(2, 2, 2)"), "ascontiguousarray"),
         ("colour", header("'|u1'", "False", "(2, 2, 2, 3)"), "[2, 2, 2, 3]"),
         ("empty", header("'|u1'", "False", "(0, 2, 2)"), "at least one frame"),
-        ("huge", header("'|u1'", "False", "(9999999999, 9999999999, 9)"), "64 bits"),
+        ("huge", header("'|u1'", "False", "(9999999999, 9999999999, 9)"), "pixels"),
         ("wide", header("'|u1'", "False", "(1, 99999, 99999)"), "pixels"),
-        ("record", header("[('a', '<f4'), ('b', '<f4')]", "False", "(2, 2)"), "f4"),
-        ("nested", npy_of(&"(".repeat(9000), &[]), "structured"),
+        ("record", header("[('a', '<f4'), ('b', '<f4')]", "False", "(2, 2)"), "structured"),
+        ("nested", npy_of(&"(".repeat(9000), &[]), "no dictionary"),
         ("broken", npy_of("{'descr': ", &[]), "NumPy"),
-        ("magic", b"\x93NUMPX\x01\x00".to_vec(), "first bytes"),
+        ("magic", b"\x93NUMPX\x01\x00".to_vec(), "no .npy header"),
         ("short", b"\x93NUMPY\x01".to_vec(), "header"),
         ("long", b"\x93NUMPY\x02\x00\xff\xff\xff\xff".to_vec(), "header of"),
     ] {
@@ -160,13 +176,13 @@ fn a_bad_float_in_an_array_is_named_by_frame_and_pixel() {
 }
 
 fn npz(path: &Path, arrays: &[&str], values: &[u8], shape: &[u64]) {
-    let mut archive = npyz::npz::NpzWriter::create(path).unwrap();
+    let mut archive = zip::ZipWriter::new(fs::File::create(path).unwrap());
     for name in arrays {
-        let entry = archive.array(name, Default::default()).unwrap();
-        let mut writer = entry.default_dtype().shape(shape).begin_nd().unwrap();
-        writer.extend(values.iter().copied()).unwrap();
-        writer.finish().unwrap();
+        let options = zip::write::SimpleFileOptions::default();
+        archive.start_file(format!("{name}.npy"), options).unwrap();
+        archive.write_all(&npy(shape, values)).unwrap();
     }
+    archive.finish().unwrap();
 }
 
 #[test]

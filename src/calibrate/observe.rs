@@ -9,6 +9,7 @@ use super::recordings::{Light, RateMap, RecordingSet};
 use crate::error::{Error, Kind, Result};
 use crate::formats::Reader;
 use crate::measure::{NEVER, Options, Statistics, finite, median, median_and_spread, of_stream};
+use crate::npy;
 use crate::spikes::Geometry;
 
 /// Levels up to this light have their intervals measured: beyond, a spike's phase noise
@@ -206,21 +207,15 @@ fn rate_map(folder: &Path, map: &RateMap, geometry: Geometry) -> Result<Level> {
     let bytes = std::fs::read(&path).map_err(|e| Error::io(path.display(), e))?;
     let wrong = |found: String| {
         Error::new(Kind::Input, path.display()).found(found).expected(format_args!(
-            "a C-ordered .npy of f32 or f64, {} rows by {}",
+            "an .npy array of {} rows by {}",
             geometry.height(),
             geometry.width()
         ))
     };
-    let open = || npyz::NpyFile::new(&bytes[..]).map_err(|e| wrong(e.to_string()));
-    let npy = open()?;
-    let shape = npy.shape().to_vec();
-    if shape != [geometry.height() as u64, geometry.width() as u64] || npy.order() != npyz::Order::C {
-        return Err(wrong(format!("shape {shape:?}")));
+    let (header, rate) = npy::read_values(&path.display().to_string(), &bytes)?;
+    if header.shape != [geometry.height() as u64, geometry.width() as u64] {
+        return Err(wrong(format!("shape {:?}", header.shape)));
     }
-    let rate: Vec<f64> = match npy.into_vec::<f32>() {
-        Ok(values) => values.into_iter().map(f64::from).collect(),
-        Err(_) => open()?.into_vec::<f64>().map_err(|e| wrong(e.to_string()))?,
-    };
     if let Some(bad) = rate.iter().find(|r| !(0.0..=1.0).contains(*r)) {
         return Err(wrong(format!("a rate of {bad}")).remedy("rates are spikes per readout, 0 to 1"));
     }

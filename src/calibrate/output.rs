@@ -10,6 +10,7 @@ use super::result::{Calibration, Lamp, Redrawn};
 use super::snee::{Snee, SneeMaps};
 use crate::error::{Error, Kind, Result};
 use crate::measure::{Estimate, median};
+use crate::npy;
 
 /// The files of a calibration.
 #[derive(Clone, Debug)]
@@ -187,10 +188,10 @@ pub fn write(calibration: &Calibration, folder: &Path, force: bool) -> Result<Fi
         put(name, bytes)?;
     }
     for (name, map) in calibration.maps() {
-        put(&format!("fit_{name}.npy"), &npy(&map, calibration.sensor.geometry.width())?)?;
+        put(&format!("fit_{name}.npy"), &npy::map_to_bytes(&map, calibration.sensor.geometry.width())?)?;
     }
     for (name, map) in calibration.paper.iter().flat_map(paper_maps) {
-        put(&format!("snee_{name}.npy"), &npy(&map, calibration.sensor.geometry.width())?)?;
+        put(&format!("snee_{name}.npy"), &npy::map_to_bytes(&map, calibration.sensor.geometry.width())?)?;
     }
     put("camera.toml", saved.text.as_bytes())?;
     let text = serde_json::to_string_pretty(&calibration.to_json());
@@ -216,16 +217,4 @@ fn paper_maps(paper: &SneeMaps) -> [(&'static str, Vec<f64>); 4] {
 pub(super) fn mean_and_sd(map: &[f64]) -> (f64, f64) {
     let all = Estimate::mean(map.iter().copied());
     (all.value, all.error * (all.samples as f64).sqrt())
-}
-
-fn npy(map: &[f64], width: usize) -> Result<Vec<u8>> {
-    use npyz::WriterBuilder;
-    let io = |e| Error::io("map", e);
-    let mut bytes = Vec::new();
-    let shape = [(map.len() / width) as u64, width as u64];
-    let mut writer =
-        npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut bytes).begin_nd().map_err(io)?;
-    writer.extend(map.iter().copied()).map_err(io)?;
-    writer.finish().map_err(io)?;
-    Ok(bytes)
 }

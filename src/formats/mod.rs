@@ -101,7 +101,7 @@ impl Layout {
     /// # Errors
     /// As [`file_bytes`](Self::file_bytes).
     pub fn header(self, geometry: Geometry, readouts: u64) -> Result<Vec<u8>> {
-        // Before the header is made: its crate multiplies the shape unchecked.
+        // A length beyond all files is refused before a header claims it.
         self.data_bytes(geometry, readouts)?;
         let (w, h) = (geometry.width() as u64, geometry.height() as u64);
         Ok(match self {

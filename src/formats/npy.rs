@@ -1,16 +1,11 @@
 //! `.npy`: a NumPy array, (T,H,ceil(W/8)) of packed bits or (T,H,W) of bytes 0 and 1.
 
-use npyz::WriterBuilder as _;
-
 use crate::error::{Error, Kind, Result};
 use crate::formats::bits::copy_bits;
+use crate::npy::{self, Element, Header};
 use crate::spikes::Geometry;
 
-/// First bytes of every `.npy` file.
-pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
-
-/// The longest header text read. NumPy writes 118 bytes for such arrays.
-const MAX_HEADER: usize = 4096;
+pub(super) use crate::npy::MAGIC;
 
 /// What a header says of an array of bytes in C order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,65 +26,33 @@ impl Array {
 
 /// A header for an array of `u8`.
 pub(super) fn header(shape: &[u64; 3]) -> Vec<u8> {
-    let byte: npyz::TypeStr = "|u1".parse().expect("a type that NumPy knows");
-    npyz::WriteOptions::new_header_only()
-        .dtype(npyz::DType::new_scalar(byte))
-        .shape(shape)
-        .writer(Vec::new())
-        .write_header_only()
-        .expect("memory takes any bytes")
+    npy::header(Element::U8, shape)
 }
 
 /// Reads a header. `name` is the file, for errors.
 pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<Array> {
+    meaning(name, &Header::parse(name, bytes)?)
+}
+
+/// What a header means for a stream.
+pub(super) fn meaning(name: &str, header: &Header) -> Result<Array> {
     let bad = |found: String| {
         Error::new(Kind::Input, name)
             .found(found)
             .expected("a .npy array of u8 or bool in C order with three axes")
     };
-    let start = vet(bytes).map_err(|why| bad(why.to_string()))?;
-    let header = npyz::NpyHeader::from_reader(&bytes[..start])
-        .map_err(|e| bad(format!("a header that does not parse ({e})")))?;
-    let dtype = header.dtype().descr();
-    let is_bool = dtype.ends_with("b1'");
     // int8 is what SpikeCV's matrices are; 0 and 1 look the same in it.
-    if !is_bool && !matches!(dtype.as_str(), "'|u1'" | "'|i1'" | "'<u1'" | "'<i1'") {
-        return Err(bad(format!("elements of type {dtype}")));
+    if !matches!(header.element, Element::Bool | Element::U8 | Element::I8) {
+        return Err(
+            bad(format!("elements of type {}", header.element)).remedy("save a.astype(numpy.uint8), 0 and 1")
+        );
     }
-    if header.order() != npyz::Order::C {
+    if header.fortran {
         return Err(bad("Fortran order".into()).remedy("save numpy.ascontiguousarray(a)"));
     }
     let shape =
-        <[u64; 3]>::try_from(header.shape()).map_err(|_| bad(format!("shape {:?}", header.shape())))?;
-    Ok(Array { shape, is_bool, start })
-}
-
-/// Finds where the header ends, and refuses what the parser behind could not stand:
-/// it recurses per bracket, allocates what the length claims, and multiplies the shape
-/// without a check (at most 19 decimal digits in all keep the product below 2^64).
-fn vet(bytes: &[u8]) -> Result<usize, &'static str> {
-    if !bytes.starts_with(MAGIC) || bytes.len() < 12 {
-        return Err("no .npy header");
-    }
-    let (text_at, len) = match bytes[6] {
-        1 => (10, usize::from(u16::from_le_bytes([bytes[8], bytes[9]]))),
-        _ => {
-            let len = u32::from_le_bytes([bytes[8], bytes[9], bytes[10], bytes[11]]);
-            (12, len as usize)
-        }
-    };
-    if len > MAX_HEADER {
-        return Err("a header of unlikely length");
-    }
-    let text = bytes.get(text_at..text_at + len).ok_or("a header cut short")?;
-    let brackets = text.iter().filter(|b| b"([{".contains(b)).count();
-    let digits = text.iter().filter(|b| b.is_ascii_digit()).count();
-    // Hexadecimal would fit more into as many digits; none of the words of a header has an x.
-    let strange = text.iter().any(|b| !b.is_ascii() || b"xX".contains(b));
-    if brackets > 8 || digits > 19 || strange {
-        return Err("a header no array of bytes has");
-    }
-    Ok(text_at + len)
+        <[u64; 3]>::try_from(&header.shape[..]).map_err(|_| bad(format!("shape {:?}", header.shape)))?;
+    Ok(Array { shape, is_bool: header.element == Element::Bool, start: header.start })
 }
 
 /// Bytes of a frame of packed bits: each row starts at a whole byte.

@@ -8,10 +8,10 @@ use std::io::{Cursor, Read};
 
 use crate::error::{Error, Kind, Result};
 use crate::formats::{Codec, Layout, npy};
+use crate::npy::{Archive, Header};
 use crate::spikes::{Geometry, set_bit};
 
-/// First bytes of an archive.
-pub(super) const MAGIC: &[u8] = b"PK\x03\x04";
+pub(super) use crate::npy::ARCHIVE_MAGIC as MAGIC;
 
 /// Largest packed stream held in memory.
 const MAX_PACKED: u64 = 1 << 30;
@@ -20,32 +20,33 @@ const MAX_PACKED: u64 = 1 << 30;
 const MAX_RATIO: u64 = 1032;
 
 /// A stream in memory.
-pub(super) struct Archive {
+pub(super) struct Stream {
     pub(super) geometry: Geometry,
     pub(super) packed: Vec<u8>,
 }
 
 /// Reads the stream in an archive.
-pub(super) fn read(name: &str, bytes: &[u8]) -> Result<Archive> {
+pub(super) fn read(name: &str, bytes: &[u8]) -> Result<Stream> {
     let bad = |found: String| {
         Error::new(Kind::Input, name)
             .found(found)
             .expected("an .npz archive with spk (T,H,W) or arr_0 (H,W,T)")
     };
-    let mut zip = npyz::zip::ZipArchive::new(Cursor::new(bytes)).map_err(|e| bad(e.to_string()))?;
-    let names: Vec<String> = zip.file_names().map(String::from).collect();
-    let Some(key) = ["spk.npy", "arr_0.npy"].into_iter().find(|k| names.iter().any(|n| n == k)) else {
-        return Err(bad(format!("arrays [{}]", names.join(", "))));
+    let mut archive = Archive::new(name, Cursor::new(bytes))?;
+    let arrays = archive.arrays();
+    let Some(key) = ["spk", "arr_0"].into_iter().find(|k| arrays.iter().any(|n| n == k)) else {
+        return Err(bad(format!("arrays [{}]", arrays.join(", "))));
     };
-    let mut file = zip.by_name(key).map_err(|e| bad(e.to_string()))?;
-    let array = read_header(&format!("{name}: {key}"), &mut file)?;
+    let mut file = archive.entry(key)?;
+    let subject = format!("{name}: {key}");
+    let array = npy::meaning(&subject, &Header::read(&subject, &mut file)?)?;
     let claims = array
         .data_bytes()
         .filter(|&n| n <= MAX_RATIO.saturating_mul(bytes.len() as u64))
         .ok_or_else(|| bad(format!("an array {:?}, more than it holds", array.shape)))?;
     let [a, b, c] = array.shape;
     let (last, readouts, height, width) = match key {
-        "spk.npy" => (false, a, b, c),
+        "spk" => (false, a, b, c),
         _ => (true, c, a, b),
     };
     let geometry = geometry(name, height, width)?;
@@ -61,24 +62,7 @@ pub(super) fn read(name: &str, bytes: &[u8]) -> Result<Archive> {
     } else {
         readouts_first(name, geometry, readouts, &mut file, io)
     }?;
-    Ok(Archive { geometry, packed })
-}
-
-/// Reads just the header, which says itself how long it is.
-fn read_header(name: &str, file: &mut impl Read) -> Result<npy::Array> {
-    let io = |e| Error::io(name, e);
-    let mut bytes = vec![0; 12];
-    file.read_exact(&mut bytes).map_err(io)?;
-    // Version 1 counts in two bytes, so two of the twelve are text already.
-    let len = match bytes[6] {
-        1 => usize::from(u16::from_le_bytes([bytes[8], bytes[9]])).saturating_sub(2),
-        _ => u32::from_le_bytes([bytes[8], bytes[9], bytes[10], bytes[11]]) as usize,
-    };
-    // `parse` refuses long headers; it need not be given all of one.
-    let mut text = Vec::new();
-    file.take(len.min(1 << 16) as u64).read_to_end(&mut text).map_err(io)?;
-    bytes.extend(text);
-    npy::parse(name, &bytes)
+    Ok(Stream { geometry, packed })
 }
 
 fn geometry(name: &str, height: u64, width: u64) -> Result<Geometry> {

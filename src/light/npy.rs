@@ -1,25 +1,18 @@
 //! NumPy arrays (`.npy`): `(T, H, W)`, or `(H, W)` for one frame, of u8, u16 or f32.
 //!
 //! Read frame by frame, so memory does not grow with the length. Both byte orders are
-//! read. `npyz` reads the header; the samples are fetched here, since its
-//! element-wise reader is built for whole arrays. Bytes after the array are left
-//! alone, as NumPy leaves them.
+//! read. Bytes after the array are left alone, as NumPy leaves them.
 
 use std::io::{BufReader, ErrorKind, Read};
 use std::path::Path;
 
-use npyz::{DType, Endianness, NpyHeader, Order, TypeChar};
-
 use crate::error::{Error, Kind, Result};
 use crate::light::{Curve, Fit, Frame, Rate, Samples, Source, Transfer, stored_size};
+use crate::npy::{self, Header};
 use crate::sensor::FrontEnd;
 use crate::spikes::Geometry;
 
-/// The first bytes of every file.
-pub const MAGIC: &[u8] = b"\x93NUMPY";
-
-/// Longest header text; NumPy's own bound.
-const LONGEST: usize = 10_000;
+pub use crate::npy::MAGIC;
 
 /// The type of the array's elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,16 +56,15 @@ impl<R: Read> Reader<R> {
     /// [`Kind::Input`] when the header is damaged, or the array's type, shape or order is not one that is
     /// read here; [`Kind::Io`] when reading fails.
     pub fn new(mut reader: R, name: &str) -> Result<Self> {
-        let bytes = header_bytes(&mut reader, name)?;
-        let header = NpyHeader::from_reader(&bytes[..]).map_err(|e| damaged(name, e))?;
-        if header.order() == Order::Fortran && header.shape().len() > 1 {
+        let header = Header::read(name, &mut reader)?;
+        if header.fortran && header.shape.len() > 1 {
             return Err(Error::new(Kind::Input, name)
                 .found("column-major (Fortran) order")
                 .expected("C order")
                 .remedy("save np.ascontiguousarray(a)"));
         }
-        let (frames, geometry) = shape(header.shape(), name)?;
-        let (element, big_endian) = element(&header.dtype(), name)?;
+        let (frames, geometry) = shape(&header.shape, name)?;
+        let element = element(header.element, name)?;
         Ok(Self {
             name: name.to_owned(),
             reader,
@@ -80,8 +72,8 @@ impl<R: Read> Reader<R> {
             frames,
             next: 0,
             element,
-            big_endian,
-            header_bytes: bytes.len() as u64,
+            big_endian: header.big_endian,
+            header_bytes: header.start as u64,
         })
     }
 
@@ -168,43 +160,6 @@ fn damaged(name: &str, found: impl std::fmt::Display) -> Error {
         .remedy("save it again with np.save")
 }
 
-/// Magic, version, length and text of the header.
-///
-/// The text is bounded before it is parsed: the parser follows nested brackets without a
-/// limit, and multiplies the sides without looking. Nineteen digits in all cannot make a
-/// product beyond 64 bits.
-fn header_bytes(reader: &mut impl Read, name: &str) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    let fetch = |reader: &mut dyn Read, bytes: &mut Vec<u8>, n: usize| {
-        let got = reader.take(n as u64).read_to_end(bytes);
-        match got.map_err(|e| Error::io(name, e))? {
-            got if got < n => Err(damaged(name, "no complete header")),
-            _ => Ok(()),
-        }
-    };
-    fetch(reader, &mut bytes, 8)?;
-    if !bytes.starts_with(MAGIC) {
-        return Err(damaged(name, "other first bytes"));
-    }
-    let field = if bytes[6] == 1 { 2 } else { 4 };
-    fetch(reader, &mut bytes, field)?;
-    let length = bytes[8..].iter().rev().fold(0, |n, b| n << 8 | usize::from(*b));
-    if length > LONGEST {
-        return Err(damaged(name, format_args!("a header of {length} bytes")));
-    }
-    let start = bytes.len();
-    fetch(reader, &mut bytes, length)?;
-    let text = &bytes[start..];
-    let brackets = text.iter().filter(|b| b"([{".contains(b)).count();
-    let digits = text.iter().filter(|b| b.is_ascii_digit()).count();
-    if brackets > 16 || digits > 19 {
-        return Err(Error::new(Kind::Input, name)
-            .found("a structured type, or more elements than 64 bits can count")
-            .expected("frames of u8, u16 or f32"));
-    }
-    Ok(bytes)
-}
-
 fn shape(shape: &[u64], name: &str) -> Result<(u64, Geometry)> {
     let (frames, rows, cols) = match *shape {
         [rows, cols] => (1, rows, cols),
@@ -224,23 +179,16 @@ fn shape(shape: &[u64], name: &str) -> Result<(u64, Geometry)> {
     Ok((frames, stored_size(cols, rows, name)?))
 }
 
-fn element(dtype: &DType, name: &str) -> Result<(Element, bool)> {
-    let known = match dtype {
-        DType::Plain(t) => match (t.type_char(), t.size_field()) {
-            (TypeChar::Uint, 1) => Some((Element::U8, t)),
-            (TypeChar::Uint, 2) => Some((Element::U16, t)),
-            (TypeChar::Float, 4) => Some((Element::F32, t)),
-            _ => None,
-        },
-        _ => None,
-    };
-    let (element, t) = known.ok_or_else(|| {
-        Error::new(Kind::Input, name)
-            .found(format_args!("elements of type {}", dtype.descr()))
+fn element(stored: npy::Element, name: &str) -> Result<Element> {
+    match stored {
+        npy::Element::U8 => Ok(Element::U8),
+        npy::Element::U16 => Ok(Element::U16),
+        npy::Element::F32 => Ok(Element::F32),
+        other => Err(Error::new(Kind::Input, name)
+            .found(format_args!("elements of type {other}"))
             .expected("u8, u16 or f32")
-            .remedy("save a.astype(np.float32), with full scale at 1.0")
-    })?;
-    Ok((element, t.endianness() == Endianness::Big))
+            .remedy("save a.astype(np.float32), with full scale at 1.0")),
+    }
 }
 
 /// An array as frames at the camera's size.

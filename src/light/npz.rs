@@ -9,11 +9,10 @@ use std::io::{BufReader, Error as IoError, ErrorKind, Read};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
-use npyz::npz::NpzArchive;
-
 use crate::error::{Error, Kind, Result};
 use crate::light::npy::Array;
 use crate::light::{Fit, Transfer};
+use crate::npy::Archive;
 use crate::spikes::Geometry;
 
 const BLOCK: usize = 1 << 16;
@@ -26,19 +25,15 @@ const BLOCK: usize = 1 << 16;
 pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>) -> Result<Array> {
     let name = path.display().to_string();
     let file = File::open(path).map_err(|e| Error::io(&name, e))?;
-    let archive = NpzArchive::new(BufReader::new(file)).map_err(|e| {
-        Error::new(Kind::Input, &name)
-            .found(e)
-            .expected("an archive that np.savez or np.savez_compressed wrote")
-    })?;
-    let arrays: Vec<String> = archive.array_names().map(str::to_owned).collect();
+    let archive = Archive::new(&name, BufReader::new(file))?;
+    let arrays = archive.arrays();
     let [array] = &arrays[..] else {
         return Err(Error::new(Kind::Input, name)
             .found(format_args!("{} arrays: {}", arrays.len(), arrays.join(", ")))
             .expected("exactly one array")
             .remedy("save the frames alone, as .npy or .npz"));
     };
-    let entry = format!("{array}.npy");
+    let entry = array.clone();
     let subject = format!("{name}: {array}");
     let (sender, receiver) = sync_channel(4);
     std::thread::spawn(move || unpack(archive, &entry, &sender));
@@ -47,12 +42,8 @@ pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>)
 }
 
 /// Sends the bytes of an entry until its end, an error, or nobody wants them any more.
-fn unpack(
-    mut archive: NpzArchive<BufReader<File>>,
-    entry: &str,
-    sender: &SyncSender<std::io::Result<Vec<u8>>>,
-) {
-    let mut entry = match archive.zip_archive().by_name(entry) {
+fn unpack(mut archive: Archive<BufReader<File>>, entry: &str, sender: &SyncSender<std::io::Result<Vec<u8>>>) {
+    let mut entry = match archive.entry(entry) {
         Ok(entry) => entry,
         Err(e) => {
             let _ = sender.send(Err(IoError::new(ErrorKind::InvalidData, e.to_string())));

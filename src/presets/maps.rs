@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::effects::Maps;
 use crate::error::{Error, Kind, Result};
+use crate::npy;
 use crate::spikes::Geometry;
 
 /// One map: its file, relative to the camera file, and the digest of its bytes.
@@ -75,28 +76,20 @@ impl Entry {
 fn read(bytes: &[u8], geometry: Geometry) -> Result<Vec<f64>> {
     let wrong = |found: &dyn std::fmt::Display| {
         Error::new(Kind::Input, "map").found(found).expected(format_args!(
-            "a C-ordered .npy array of {} rows and {} columns of f64",
+            "an .npy array of {} rows and {} columns of f64",
             geometry.height(),
             geometry.width()
         ))
     };
-    let npy = npyz::NpyFile::new(bytes).map_err(|e| wrong(&e))?;
-    let shape = npy.shape().to_vec();
-    if shape != [geometry.height() as u64, geometry.width() as u64] || npy.order() != npyz::Order::C {
-        return Err(wrong(&format_args!("shape {shape:?}")));
+    let (header, values) = npy::read_values("map", bytes)?;
+    let shape = [geometry.height() as u64, geometry.width() as u64];
+    if header.shape != shape || header.element != npy::Element::F64 {
+        return Err(wrong(&format_args!("shape {:?} of {}", header.shape, header.element)));
     }
-    npy.into_vec::<f64>().map_err(|e| wrong(&e))
+    Ok(values)
 }
 
 /// The bytes of a map as `.npy`.
 pub(super) fn write(map: &[f64], geometry: Geometry) -> Result<Vec<u8>> {
-    use npyz::WriterBuilder;
-    let mut bytes = Vec::new();
-    let shape = [geometry.height() as u64, geometry.width() as u64];
-    let io = |e| Error::io("map", e);
-    let options = npyz::WriteOptions::new().default_dtype().shape(&shape);
-    let mut writer = options.writer(&mut bytes).begin_nd().map_err(io)?;
-    writer.extend(map.iter().copied()).map_err(io)?;
-    writer.finish().map_err(io)?;
-    Ok(bytes)
+    npy::map_to_bytes(map, geometry.width())
 }

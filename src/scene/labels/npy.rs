@@ -1,31 +1,16 @@
 //! NumPy arrays, version 1.0, little-endian, C order.
 
 use super::super::flow::Flow;
-use super::expect_len;
 use crate::error::Result;
-
-fn header(descr: &str, shape: &[usize]) -> Vec<u8> {
-    let dims: String = shape.iter().map(|n| format!("{n}, ")).collect();
-    let text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({}), }}", dims.trim_end());
-    // Magic, version and length take ten bytes; the whole is padded to 64 and ends in a newline.
-    let total = (10 + text.len() + 1).div_ceil(64) * 64;
-    let mut out = b"\x93NUMPY\x01\x00".to_vec();
-    out.extend(((total - 10) as u16).to_le_bytes());
-    out.extend(text.bytes());
-    out.resize(total - 1, b' ');
-    out.push(b'\n');
-    out
-}
+use crate::npy::{self, Element};
 
 fn array<const N: usize>(
-    descr: &str,
+    element: Element,
     shape: &[usize],
     values: impl ExactSizeIterator<Item = [u8; N]>,
 ) -> Result<Vec<u8>> {
-    expect_len("array", values.len(), shape.iter().product())?;
-    let mut out = header(descr, shape);
-    out.extend(values.flatten());
-    Ok(out)
+    let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
+    npy::to_bytes(element, &shape, values)
 }
 
 /// An array of `f32` (depth: shape height, width).
@@ -33,7 +18,7 @@ fn array<const N: usize>(
 /// # Errors
 /// When the shape does not hold the data.
 pub fn npy_f32(shape: &[usize], data: &[f32]) -> Result<Vec<u8>> {
-    array("<f4", shape, data.iter().map(|v| v.to_le_bytes()))
+    array(Element::F32, shape, data.iter().map(|v| v.to_le_bytes()))
 }
 
 /// An array of `u32` (instances).
@@ -41,7 +26,7 @@ pub fn npy_f32(shape: &[usize], data: &[f32]) -> Result<Vec<u8>> {
 /// # Errors
 /// When the shape does not hold the data.
 pub fn npy_u32(shape: &[usize], data: &[u32]) -> Result<Vec<u8>> {
-    array("<u4", shape, data.iter().map(|v| v.to_le_bytes()))
+    array(Element::U32, shape, data.iter().map(|v| v.to_le_bytes()))
 }
 
 /// An array of `u8` (semantics).
@@ -49,7 +34,7 @@ pub fn npy_u32(shape: &[usize], data: &[u32]) -> Result<Vec<u8>> {
 /// # Errors
 /// When the shape does not hold the data.
 pub fn npy_u8(shape: &[usize], data: &[u8]) -> Result<Vec<u8>> {
-    array("|u1", shape, data.iter().map(|&v| [v]))
+    array(Element::U8, shape, data.iter().map(|&v| [v]))
 }
 
 /// An array of `bool` (occlusion).
@@ -57,7 +42,7 @@ pub fn npy_u8(shape: &[usize], data: &[u8]) -> Result<Vec<u8>> {
 /// # Errors
 /// When the shape does not hold the data.
 pub fn npy_bool(shape: &[usize], data: &[bool]) -> Result<Vec<u8>> {
-    array("|b1", shape, data.iter().map(|&v| [u8::from(v)]))
+    array(Element::Bool, shape, data.iter().map(|&v| [u8::from(v)]))
 }
 
 /// Flow as `f32` of shape (height, width, 2), dx before dy.
@@ -71,14 +56,17 @@ pub fn npy_flow(flow: &Flow) -> Result<Vec<u8>> {
 
 #[cfg(test)]
 mod tests {
+    use crate::npy::{Element, read_values};
+
     #[test]
     fn a_reader_of_the_format_reads_it_back() {
         let data = [1.5f32, -2.0, f32::INFINITY, 0.0, 3.0, 4.0];
         let bytes = super::npy_f32(&[2, 3], &data).unwrap();
-        let file = npyz::NpyFile::new(&bytes[..]).unwrap();
-        assert_eq!(file.shape(), &[2, 3]);
-        assert_eq!(file.into_vec::<f32>().unwrap(), data);
+        let (header, values) = read_values("a", &bytes).unwrap();
+        assert_eq!((&header.shape[..], header.element), (&[2, 3][..], Element::F32));
+        assert_eq!(values, data.map(f64::from));
         let one = super::npy_bool(&[2], &[true, false]).unwrap();
-        assert_eq!(npyz::NpyFile::new(&one[..]).unwrap().into_vec::<bool>().unwrap(), [true, false]);
+        let (header, values) = read_values("a", &one).unwrap();
+        assert_eq!((header.element, values), (Element::Bool, vec![1.0, 0.0]));
     }
 }

@@ -1,0 +1,208 @@
+//! Types of elements.
+
+use std::fmt;
+
+/// The type of an array's elements.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Element {
+    /// One byte, 0 or 1.
+    Bool,
+    /// Unsigned, 8 bits.
+    U8,
+    /// Unsigned, 16 bits.
+    U16,
+    /// Unsigned, 32 bits.
+    U32,
+    /// Unsigned, 64 bits.
+    U64,
+    /// Signed, 8 bits.
+    I8,
+    /// Signed, 16 bits.
+    I16,
+    /// Signed, 32 bits.
+    I32,
+    /// Signed, 64 bits.
+    I64,
+    /// Half precision.
+    F16,
+    /// Single precision.
+    F32,
+    /// Double precision.
+    F64,
+}
+
+impl Element {
+    const ALL: [Self; 12] = [
+        Self::Bool,
+        Self::U8,
+        Self::U16,
+        Self::U32,
+        Self::U64,
+        Self::I8,
+        Self::I16,
+        Self::I32,
+        Self::I64,
+        Self::F16,
+        Self::F32,
+        Self::F64,
+    ];
+
+    /// Bytes of one element.
+    #[must_use]
+    pub const fn bytes(self) -> usize {
+        match self {
+            Self::Bool | Self::U8 | Self::I8 => 1,
+            Self::U16 | Self::I16 | Self::F16 => 2,
+            Self::U32 | Self::I32 | Self::F32 => 4,
+            Self::U64 | Self::I64 | Self::F64 => 8,
+        }
+    }
+
+    /// Whether it has fractions.
+    #[must_use]
+    pub const fn is_float(self) -> bool {
+        matches!(self, Self::F16 | Self::F32 | Self::F64)
+    }
+
+    /// NumPy's letter and size.
+    const fn code(self) -> &'static str {
+        match self {
+            Self::Bool => "b1",
+            Self::U8 => "u1",
+            Self::U16 => "u2",
+            Self::U32 => "u4",
+            Self::U64 => "u8",
+            Self::I8 => "i1",
+            Self::I16 => "i2",
+            Self::I32 => "i4",
+            Self::I64 => "i8",
+            Self::F16 => "f2",
+            Self::F32 => "f4",
+            Self::F64 => "f8",
+        }
+    }
+
+    /// NumPy's description of the little-endian type.
+    pub(super) fn descr(self) -> String {
+        let order = if self.bytes() == 1 { '|' } else { '<' };
+        format!("{order}{}", self.code())
+    }
+
+    /// The element of a description and whether its highest byte comes first.
+    pub(super) fn from_descr(descr: &str) -> Option<(Self, bool)> {
+        let order = descr.chars().next().filter(|c| "<>|=".contains(*c));
+        let code = &descr[order.map_or(0, char::len_utf8)..];
+        let element =
+            Self::ALL.into_iter().find(|e| e.code() == code || (*e == Self::Bool && code == "?"))?;
+        let big = match order {
+            Some('>') => true,
+            Some('<' | '|') => false,
+            _ => cfg!(target_endian = "big"),
+        };
+        Some((element, big && element.bytes() > 1))
+    }
+
+    /// Hands every whole element of `bytes` to `take` as a number. Integers beyond 2^53 are rounded.
+    pub fn for_each(self, big_endian: bool, bytes: &[u8], mut take: impl FnMut(f64)) {
+        macro_rules! each {
+            ($t:ty) => {{
+                let order = if big_endian { <$t>::from_be_bytes } else { <$t>::from_le_bytes };
+                bytes.as_chunks().0.iter().for_each(|b| take(order(*b) as f64));
+            }};
+        }
+        match self {
+            Self::Bool | Self::U8 => each!(u8),
+            Self::U16 => each!(u16),
+            Self::U32 => each!(u32),
+            Self::U64 => each!(u64),
+            Self::I8 => each!(i8),
+            Self::I16 => each!(i16),
+            Self::I32 => each!(i32),
+            Self::I64 => each!(i64),
+            Self::F16 => {
+                let order = if big_endian { u16::from_be_bytes } else { u16::from_le_bytes };
+                bytes.as_chunks().0.iter().for_each(|b| take(half(order(*b))));
+            }
+            Self::F32 => each!(f32),
+            Self::F64 => each!(f64),
+        }
+    }
+}
+
+impl fmt::Display for Element {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = match self {
+            Self::Bool => "bool",
+            Self::U8 => "u8",
+            Self::U16 => "u16",
+            Self::U32 => "u32",
+            Self::U64 => "u64",
+            Self::I8 => "i8",
+            Self::I16 => "i16",
+            Self::I32 => "i32",
+            Self::I64 => "i64",
+            Self::F16 => "f16",
+            Self::F32 => "f32",
+            Self::F64 => "f64",
+        };
+        f.write_str(name)
+    }
+}
+
+/// IEEE 754 half precision: a sign, five bits of exponent, ten of fraction.
+fn half(bits: u16) -> f64 {
+    let fraction = f64::from(bits & 0x3ff);
+    let size = match bits >> 10 & 0x1f {
+        // 2^-24 is the least of the numbers without a leading one.
+        0 => fraction / 16_777_216.0,
+        31 if fraction == 0.0 => f64::INFINITY,
+        31 => f64::NAN,
+        exponent => (1.0 + fraction / 1024.0) * 2f64.powi(i32::from(exponent) - 15),
+    };
+    if bits >> 15 == 1 { -size } else { size }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_precision_is_ieee() {
+        // numpy.float16(x).view('u2') of 1, -2, the largest, the least, 1/3, infinity.
+        let pairs = [
+            (0x3c00, 1.0),
+            (0xc000, -2.0),
+            (0x7bff, 65504.0),
+            (0x0001, 5.960_464_477_539_063e-8),
+            (0x3555, 0.333_251_953_125),
+            (0x7c00, f64::INFINITY),
+        ];
+        for (bits, value) in pairs {
+            assert_eq!(half(bits), value, "{bits:#x}");
+        }
+        assert!(half(0x7e00).is_nan());
+    }
+
+    #[test]
+    fn every_type_is_read_in_both_byte_orders() {
+        for element in Element::ALL {
+            let one: Vec<u8> = match element {
+                Element::F16 => 0x3c00u16.to_le_bytes().into(),
+                Element::F32 => 1f32.to_le_bytes().into(),
+                Element::F64 => 1f64.to_le_bytes().into(),
+                _ => (0..element.bytes()).map(|i| u8::from(i == 0)).collect(),
+            };
+            for big in [false, true] {
+                let bytes: Vec<u8> = if big { one.iter().rev().copied().collect() } else { one.clone() };
+                let mut seen = Vec::new();
+                element.for_each(big, &bytes, |v| seen.push(v));
+                assert_eq!(seen, [1.0], "{element}");
+            }
+            assert_eq!(Element::from_descr(&element.descr()), Some((element, false)));
+        }
+        assert_eq!(Element::from_descr(">i2"), Some((Element::I16, true)));
+        for other in ["<c8", "|S3", "|O", "", "<", "é", "<f16"] {
+            assert_eq!(Element::from_descr(other), None, "{other}");
+        }
+    }
+}
