@@ -10,7 +10,7 @@ use crate::error::{Error, Kind, Result};
 use crate::formats::Reader;
 use crate::measure::{NEVER, Options, Statistics, finite, median, median_and_spread, of_stream};
 use crate::npy;
-use crate::spikes::Geometry;
+use crate::spikes::{Geometry, span_rate};
 
 /// Levels up to this light have their intervals measured: beyond, a spike's phase noise
 /// drowns in quantisation, and intervals cost most.
@@ -63,10 +63,8 @@ impl Level {
         first: &[u32],
         last: &[u32],
     ) -> Self {
-        let rate = |p: usize| match count[p] {
-            0..check::TIMED => f64::from(count[p]) / f64::from(readouts),
-            n => f64::from(n - 1) / f64::from(last[p] - first[p]),
-        };
+        let counted = |p: usize| f64::from(count[p]) / f64::from(readouts);
+        let rate = |p: usize| span_rate(count[p], first[p], last[p]).unwrap_or_else(|| counted(p));
         let rate = (0..count.len()).map(rate).collect();
         Self {
             name: name.to_owned(),

@@ -8,7 +8,7 @@ use wide::u64x4;
 use super::block::Block;
 use super::estimate::{Estimate, tiles_ratio};
 use super::vertical::{Counters, GROUPS, TILE, load};
-use crate::spikes::Geometry;
+use crate::spikes::{Geometry, span_rate};
 
 /// In place of a readout where a pixel never fired.
 pub const NEVER: u32 = u32::MAX;
@@ -254,12 +254,7 @@ impl Counts {
     #[must_use]
     pub fn rate_by_time(&self) -> Vec<f64> {
         let spans = self.count.iter().zip(self.first.iter().zip(&self.last));
-        spans
-            .map(|(n, (first, last))| match n {
-                0 | 1 => f64::NAN,
-                n => f64::from(n - 1) / f64::from(last - first),
-            })
-            .collect()
+        spans.map(|(n, (first, last))| span_rate(*n, *first, *last).unwrap_or(f64::NAN)).collect()
     }
 
     /// The map of a pair's coincidences.

@@ -142,6 +142,16 @@ pub fn set_bit(frame: &mut [u8], p: usize) {
     frame[p / 8] |= 1 << (p % 8);
 }
 
+/// The rate between a pixel's first and last spike, `(N - 1) / (t_last - t_first)` in spikes per readout, of `spikes`
+/// spikes from readout `first` to `last`; `None` below two spikes, which span no time.
+///
+/// In `(0, 1]` for any pixel, since no two of its spikes share a readout.
+#[must_use]
+#[inline]
+pub fn span_rate(spikes: u32, first: u32, last: u32) -> Option<f64> {
+    (spikes > 1 && last > first).then(|| f64::from(spikes - 1) / f64::from(last - first))
+}
+
 /// The number of spikes in packed bytes.
 #[must_use]
 #[inline]
