@@ -1,18 +1,21 @@
 //! Pictures back from spikes.
 //!
-//! A stream tells how bright a pixel is in two ways: how many spikes fall into a
-//! window ([`tfp`], steady but blurred by motion) and how long the interval around a
-//! moment is ([`tfi`], [`isi_map`], sharp but coarse). Rates are in spikes per
+//! A stream tells how bright a pixel is in three ways: how many spikes fall into a
+//! window ([`tfp`], steady but blurred by motion), how long the interval around a
+//! moment is ([`tfi`], [`isi_map`], sharp but coarse), and how long a window's spikes
+//! span ([`span`], as steady as the light, blurred like TFP). Rates are in spikes per
 //! readout, so 1.0 is one nominal threshold per readout whatever the camera.
 
 mod intervals;
 mod noise;
 mod quality;
+mod span;
 mod window;
 
-pub use intervals::{isi_map, tfi};
+pub use intervals::{Tfi, isi_map, tfi, tfi_at};
 pub use noise::{difference_noise, patch_noise};
 pub use quality::{psnr, ssim};
+pub use span::span;
 pub use window::{TfpSequence, tfp};
 
 use crate::error::{Error, Kind, Result};
