@@ -23,6 +23,14 @@ impl Piece {
         };
         Segment { readouts: self.readouts, light }
     }
+
+    /// The light of its readout `i`, counted from 0.
+    pub fn light(&self, i: usize) -> Result<Frame> {
+        match &self.to {
+            Some(to) => Frame::blend(&self.from, to, self.weights.get(i).copied().unwrap_or(0.0)),
+            None => Ok((*self.from).clone()),
+        }
+    }
 }
 
 fn samples(frame: &Frame) -> kernels::Samples<'_> {
@@ -95,6 +103,11 @@ impl<'a> Feeder<'a> {
     /// The next readout.
     pub fn at(&self) -> u64 {
         self.at
+    }
+
+    /// Goes on with readout `readout`; light that only earlier ones see is passed over.
+    pub fn skip_to(&mut self, readout: u64) {
+        self.at = self.at.max(readout);
     }
 
     /// The frame that the last readout saw.

@@ -6,6 +6,10 @@ mod ahead;
 mod feed;
 mod frame;
 #[cfg(feature = "files")]
+mod images;
+#[cfg(feature = "files")]
+mod looks;
+#[cfg(feature = "files")]
 mod run;
 mod segments;
 #[cfg(feature = "files")]
@@ -19,7 +23,11 @@ mod writing;
 pub use ahead::Ahead;
 pub use frame::FrameRef;
 #[cfg(feature = "files")]
-pub use run::{Glance, Outcome, Run, Written, run};
+pub use images::{ImageFacts, ImageFile, ImageForm, linear_png};
+#[cfg(feature = "files")]
+pub use looks::{Glance, Looks, light_at};
+#[cfg(feature = "files")]
+pub use run::{Outcome, Run, Written, run, run_looking};
 #[cfg(feature = "files")]
 pub use sidecar::{CameraFacts, LightFacts, SensorFacts, Sidecar, StreamFacts, save_camera};
 pub use simulator::Simulator;

@@ -12,6 +12,7 @@ use crate::light::{Frame, Samples, Source, Timeline};
 use crate::plan::Plan;
 use crate::simulate::Simulator;
 use crate::simulate::feed::{self, Feeder, Piece};
+use crate::simulate::looks::{Glance, Glances, Looks};
 use crate::simulate::writing::{self, Stream, Writing};
 
 /// Readouts between two writes: two of the simulator's batches.
@@ -113,15 +114,6 @@ pub struct Written {
     pub spikes: u64,
 }
 
-/// The light of one readout near the middle of a run, to show beside what was made of it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Glance {
-    /// The readout.
-    pub readout: u64,
-    /// The frame at or before it.
-    pub frame: Frame,
-}
-
 /// What a run did.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
@@ -161,6 +153,21 @@ pub fn run(
     clean: Option<&Path>,
     watch: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
 ) -> Result<Outcome> {
+    run_looking(job, source, noisy, clean, None, watch)
+}
+
+/// As [`run`]; `looks` also hears the light of some readouts, each before the files get their names.
+///
+/// # Errors
+/// As [`run`], and those of `looks`.
+pub fn run_looking(
+    job: &Run,
+    source: &mut dyn Source,
+    noisy: &Path,
+    clean: Option<&Path>,
+    looks: Option<Looks<'_>>,
+    watch: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
+) -> Result<Outcome> {
     let about = source.describe();
     if job.timeline == Timeline::still() && job.readouts.is_none() {
         return Err(Error::new(Kind::Usage, &about)
@@ -184,7 +191,7 @@ pub fn run(
     let mut feeder = Feeder::new(source, first, job.timeline, limit, greatest_light);
     let start = Instant::now();
     let (glance, waited) = writing::write(&mut streams, job.threads > 1, |writing| {
-        simulate(&mut feeder, &mut simulators, writing, total.or(job.readouts), watch)
+        simulate(&mut feeder, &mut simulators, writing, looks, (total, total.or(job.readouts)), watch)
     })?;
     let (readouts, frames, too_bright) = (feeder.at(), feeder.frames, feeder.too_bright);
     if let Some(total) = total.filter(|&n| n != readouts) {
@@ -231,17 +238,19 @@ fn simulate(
     feeder: &mut Feeder<'_>,
     simulators: &mut [Simulator],
     mut writing: Writing<'_>,
-    total: Option<u64>,
+    mut looks: Option<Looks<'_>>,
+    (exactly, total): (Option<u64>, Option<u64>),
     watch: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
 ) -> Result<(Glance, Duration)> {
     let bytes = feeder.current().geometry().frame_bytes();
     let batch = READOUTS.min((HELD / bytes).max(1));
-    let mut glances = Glances::new(total, feeder.current());
+    let mut glances = Glances::new(exactly, feeder.current());
     let mut written = vec![0; simulators.len()];
     watch(0, total)?;
     let mut waited = Duration::ZERO;
     loop {
         let asked = Instant::now();
+        let first = feeder.at();
         let pieces = feeder.fill(batch, HELD)?;
         waited += asked.elapsed();
         let readouts: usize = pieces.iter().map(|p| p.readouts).sum();
@@ -260,7 +269,10 @@ fn simulate(
         for (i, simulator) in simulators.iter_mut().enumerate() {
             step(&mut writing, i, simulator, &mut written, &segments, feeder.at())?;
         }
-        glances.look(feeder.at() - 1, feeder.current());
+        glances.look(first, &pieces)?;
+        if let Some(looks) = &mut looks {
+            looks.batch(first, &pieces)?;
+        }
         watch(feeder.at(), total)?;
     }
 }
@@ -282,34 +294,6 @@ fn step(
         written[i] += frames;
         frames as usize * bytes
     })
-}
-
-/// Keeps a frame near the middle of a run whose end may not be known: of the frames at
-/// doubling readouts the last two are enough, since one lies within a quarter of the middle.
-struct Glances {
-    wanted: u64,
-    kept: [Glance; 2],
-}
-
-impl Glances {
-    fn new(total: Option<u64>, first: &Frame) -> Self {
-        let start = Glance { readout: 0, frame: first.clone() };
-        Self { wanted: total.map_or(1, |n| n / 2), kept: [start.clone(), start] }
-    }
-
-    fn look(&mut self, readout: u64, frame: &Frame) {
-        if readout >= self.wanted {
-            self.kept.swap(0, 1);
-            self.kept[1] = Glance { readout, frame: frame.clone() };
-            self.wanted = readout.saturating_mul(2).max(1);
-        }
-    }
-
-    fn middle(self, readouts: u64) -> Glance {
-        let [a, b] = self.kept;
-        let distance = |g: &Glance| g.readout.abs_diff(readouts / 2);
-        if distance(&a) < distance(&b) { a } else { b }
-    }
 }
 
 /// Gives the files their names: all of them or none.

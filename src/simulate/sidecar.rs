@@ -13,7 +13,7 @@ use crate::error::{Error, Kind, Result};
 use crate::formats::{Layout, sidecar_paths};
 use crate::light::{Source, Transfer};
 use crate::presets;
-use crate::simulate::Written;
+use crate::simulate::{ImageFacts, Written};
 use crate::spikes::Geometry;
 use crate::storage;
 
@@ -194,6 +194,9 @@ pub struct Sidecar {
     /// The camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraFacts>,
+    /// Clear images that were kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub images: Option<ImageFacts>,
     /// Of a converted stream: the range, the crop, and the sidecar of the original.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub converted_from: Option<Value>,
@@ -219,6 +222,7 @@ impl Sidecar {
             seeds: None,
             light: None,
             camera: None,
+            images: None,
             converted_from: None,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             command: Vec::new(),
