@@ -71,11 +71,7 @@ pub(super) struct Glances {
 impl Glances {
     pub fn new(total: Option<u64>, first: &Frame) -> Self {
         let start = Glance { readout: 0, frame: first.clone() };
-        Self {
-            wanted: total.map_or(1, |n| n / 2),
-            known: total.is_some(),
-            kept: [start.clone(), start],
-        }
+        Self { wanted: total.map_or(1, |n| n / 2), known: total.is_some(), kept: [start.clone(), start] }
     }
 
     /// Looks at a batch that began with readout `first`.
