@@ -8,79 +8,29 @@
 //! Maps are not fitted pixel by pixel: statistics of simulated *populations* are compared, so that
 //! no map can swallow a spatial effect, and one simulation serves temporal and spatial statistics alike.
 
-mod alarm;
-mod bits;
-mod calibrated;
-mod candidates;
-mod case;
-mod contradicted;
-mod crossed;
-mod derivatives;
-mod diagnosis;
-mod drawn;
-mod edges;
-mod ending;
+mod answer;
 mod events;
-mod extent;
-mod faint;
 mod fit;
-mod interval;
-mod intervals;
-mod likelihood;
-mod limits;
-mod lines;
-mod located;
-mod lost;
-mod maps;
-mod metric;
-mod missing;
-mod model;
-mod nameable;
-mod notes;
-mod outcome;
-mod own;
-mod page;
-mod picture;
-mod pinned;
-mod quiet;
-mod rebase;
-mod recorded;
-mod redraw;
-mod reference;
-mod refine;
-mod remembered;
-mod repeated;
-mod round;
+mod null;
+mod protocol;
+mod recording;
 mod run;
-mod scan;
 mod search;
-mod seen;
-mod settle;
-mod setup;
-mod simulated;
-mod slope;
-mod spectra;
-mod spread;
-mod still;
-mod time;
-mod together;
-mod tournament;
-mod vector;
-mod wave;
-mod weed;
+mod sensors;
+mod statistics;
 
-pub use diagnosis::{Diagnosis, Fate, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
-pub use extent::{Extent, Part};
-pub use limits::Limits;
-pub use nameable::{Nameable, SCORE};
-pub use page::page;
-pub use picture::{Picture, Trace};
-pub use recorded::Scene;
-pub use reference::{Progress, Reference};
+pub use answer::diagnosis::{Diagnosis, Fate, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
+pub use answer::page::page;
+pub use answer::pictures::{Picture, Trace};
+pub use null::limits::Limits;
+pub use null::nameable::{Nameable, SCORE};
+pub use null::reference::{Progress, Reference};
+pub use protocol::extent::{Extent, Part};
+pub use protocol::recorded::Scene;
+pub use protocol::recorded_set::Setup;
+pub use protocol::still::Still;
 pub use run::{Options, diagnose};
-pub use setup::Setup;
-pub use still::Still;
-pub use vector::Statistic;
+pub use statistics::all::Statistic;
 
 use crate::effects::Camera;
 use crate::error::Result;
@@ -90,5 +40,5 @@ use crate::error::Result;
 /// # Errors
 /// Never, in practice: the model is built in.
 pub fn published(setup: &Setup) -> Result<Camera> {
-    model::published(setup)
+    sensors::model::published(setup)
 }

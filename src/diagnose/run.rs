@@ -5,21 +5,21 @@ use std::time::Instant;
 
 use nalgebra::DVector;
 
-use super::calibrated::calibrated;
-use super::candidates::Candidate;
-use super::case::{Case, Judge};
-use super::diagnosis::Diagnosis;
-use super::extent::{Extent, Part};
-use super::located::Events;
-use super::notes::of_the_sets;
-use super::outcome::outcome;
-use super::picture::pictures;
-use super::rebase::rebased;
-use super::reference::{Progress, Reference, Signature};
-use super::search::{Found, search};
-use super::setup::{Measured, Setup};
-use super::time::{line, power, sharpened};
 use crate::calibrate::{self, Light, RecordingSet, Scene as Pattern};
+use crate::diagnose::answer::diagnosis::Diagnosis;
+use crate::diagnose::answer::notes::of_the_sets;
+use crate::diagnose::answer::outcome::outcome;
+use crate::diagnose::answer::pictures::pictures;
+use crate::diagnose::events::located::Events;
+use crate::diagnose::null::reference::{Progress, Reference, Signature};
+use crate::diagnose::protocol::extent::{Extent, Part};
+use crate::diagnose::protocol::recorded_set::{Measured, Setup};
+use crate::diagnose::search::context::{Case, Judge};
+use crate::diagnose::search::own_numbers::rebased;
+use crate::diagnose::search::search::{Found, search};
+use crate::diagnose::sensors::catalogue::Candidate;
+use crate::diagnose::sensors::published::calibrated;
+use crate::diagnose::statistics::readouts::{line, power, sharpened};
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
 
@@ -136,7 +136,8 @@ fn poor(setup: &Setup, with_camera: bool) -> Result<()> {
     if with_camera && (setup.maps || setup.scenes.iter().any(|s| s.still.is_some())) {
         return Ok(());
     }
-    let levels: Vec<f64> = setup.scenes.iter().filter_map(super::recorded::Scene::level).collect();
+    let levels: Vec<f64> =
+        setup.scenes.iter().filter_map(crate::diagnose::protocol::recorded::Scene::level).collect();
     let lit = levels.iter().filter(|l| **l > 0.0).count();
     if levels.len() >= 3 && lit >= 2 && setup.geometry.width() >= 8 && setup.geometry.height() >= 8 {
         return Ok(());

@@ -8,7 +8,7 @@
 //! never to the code that looks at several again: `search` asks for a tournament only where something is left, and weeds only
 //! where two names or more are. So what was said of them holds when that code changes.
 //!
-//! The sensors of a study share a reference. What only a diagnosis that builds its own one comes to (`calibrated`, `rebase`, `ending`)
+//! The sensors of a study share a reference. What only a diagnosis that builds its own one comes to (`published`, `own_numbers`, `last_steps`)
 //! decides nothing here.
 
 use serde_json::Value;

@@ -1,0 +1,160 @@
+//! The words in which a diagnosis is given.
+
+use serde::Serialize;
+
+use super::pictures::Picture;
+use crate::effects::Camera;
+
+/// The verdict.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Nothing is above its limit.
+    Agrees,
+    /// Effects or misfits are named, nothing is left, and the held-out gap is within [`Gap::limit`].
+    Explained,
+    /// Something is named, and something is left.
+    PartlyExplained,
+    /// Nothing that is named explains what is left.
+    Unknown,
+}
+
+/// A number with its 95 % interval.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Parameter {
+    /// Key.
+    pub name: &'static str,
+    /// In the parameter's unit.
+    pub value: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// An effect that was found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FoundEffect {
+    /// Canonical name.
+    pub name: &'static str,
+    /// Fitted numbers.
+    pub parameters: Vec<Parameter>,
+    /// Names that fit as well within noise.
+    pub tied_with: Vec<&'static str>,
+    /// Whether the name is a likeness only: it explains less than half of what is there while something is left, or is
+    /// weaker beside others than what the set can name.
+    pub resembles: bool,
+    /// What speaks for it.
+    pub evidence: String,
+}
+
+/// A number of the model that the data contradict.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Misfit {
+    /// `effect.key`.
+    pub parameter: String,
+    /// The model's value.
+    pub model: f64,
+    /// The data's.
+    pub fitted: f64,
+    /// Lower end of its 95 % interval.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+    /// Names that fit as well within noise.
+    pub tied_with: Vec<&'static str>,
+}
+
+/// Something that nothing explains.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Unknown {
+    /// Recording and statistic.
+    pub r#where: String,
+    /// Standard deviations.
+    pub z: f64,
+}
+
+/// Distance of model and data after each step.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Gap {
+    /// On the fitted recordings; the first without any added effect.
+    pub train: Vec<f64>,
+    /// On the others.
+    pub heldout: Vec<f64>,
+    /// What the final model's own sensors have.
+    pub floor: f64,
+    /// Standard deviation of the floor.
+    pub floor_sd: f64,
+}
+
+impl Gap {
+    /// Largest held-out gap of a set that is explained: the floor, and a hundredth of what the first one was beyond it or two
+    /// deviations of the floor.
+    #[must_use]
+    pub fn limit(&self) -> f64 {
+        let first = self.heldout.first().map_or(0.0, |first| first - self.floor);
+        self.floor + (0.01 * first).max(2.0 * self.floor_sd)
+    }
+
+    /// Whether the last held-out gap is within it.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        self.heldout.last().is_none_or(|last| *last <= self.limit())
+    }
+}
+
+/// Everything that is said.
+#[derive(Clone, Debug, Serialize)]
+pub struct Diagnosis {
+    /// In one word.
+    pub verdict: Verdict,
+    /// Effects that were added.
+    pub effects: Vec<FoundEffect>,
+    /// Numbers that were wrong.
+    pub misfits: Vec<Misfit>,
+    /// What is left.
+    pub unknown: Vec<Unknown>,
+    /// Distances.
+    pub gap: Gap,
+    /// What to record where names tie.
+    pub settle: Vec<String>,
+    /// Names that this set cannot show.
+    pub not_testable: Vec<&'static str>,
+    /// Seconds that it took.
+    pub seconds: f64,
+    /// Where the held-out data come from, and other remarks.
+    pub notes: Vec<String>,
+    /// The camera with the effects added.
+    #[serde(skip)]
+    pub camera: Camera,
+    /// Plots' numbers.
+    #[serde(skip)]
+    pub traces: Traces,
+}
+
+/// What became of a name that won a round.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Fate {
+    /// It is part of the model.
+    Kept,
+    /// Recordings that were not fitted did not come nearer.
+    TurnedDown,
+    /// Once later names were known, the data did without it.
+    Dropped,
+}
+
+/// What the report shows.
+#[derive(Clone, Debug)]
+pub struct Traces {
+    /// Statistic, recording, deviation before and after, in standard deviations.
+    pub deviations: Vec<(String, String, f64, f64)>,
+    /// Names with their misfit and whether they tied, by round.
+    pub tournament: Vec<Vec<(&'static str, f64, bool)>>,
+    /// The winner of each round, and what became of it.
+    pub steps: Vec<(&'static str, Fate)>,
+    /// What was done before each number of the gap.
+    pub gaps: Vec<String>,
+    /// The recordings, the model before and the model after.
+    pub pictures: Vec<(&'static str, Picture)>,
+}

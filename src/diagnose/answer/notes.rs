@@ -1,0 +1,60 @@
+//! What a reader must know besides what was found.
+
+use super::diagnosis::{Gap, Misfit};
+use crate::diagnose::protocol::recorded_set::Setup;
+use crate::effects::Camera;
+
+/// How the diagnosis came about: how much of the recordings was judged, by what, and from which model.
+pub(in crate::diagnose) fn of_the_sets(
+    setup: &Setup,
+    camera: Option<&Camera>,
+    held_out: bool,
+    alone: bool,
+) -> Vec<String> {
+    let mut notes = Vec::new();
+    if let Some((first, rows)) = setup.band {
+        notes.push(format!(
+            "The scene is large: rows {first} to {} were judged, which hold most of its even surface.",
+            first + rows - 1
+        ));
+    }
+    if let Some([fewest, most]) = setup.first_readouts {
+        let first = if fewest == most { fewest.to_string() } else { format!("{fewest} to {most}") };
+        notes.push(format!(
+            "The recordings are large: the first {first} readouts of each were judged. --everything judges all of them, which sees weaker and slower effects and takes longer in proportion."
+        ));
+    }
+    if !held_out && alone {
+        notes.push("No second set was given and this one cannot be cut: nothing was held out.".to_owned());
+    } else if !held_out {
+        notes.push(
+            "No second set was given: the first half of every recording was fitted and the second half judged it, so effects must be stronger to be seen. A second set of the same scenes doubles what can be told.".to_owned(),
+        );
+    }
+    if camera.is_none() {
+        notes.push("No camera file was given: gain, dark current, their spreads, the threshold's spread and noise and the electrons of a spike were calibrated.".to_owned());
+    }
+    notes
+}
+
+/// Why a set of which no statistic is beyond its limit is not explained.
+pub(in crate::diagnose) fn open(gap: &Gap) -> String {
+    format!(
+        "No statistic by itself is beyond what the final model's own sensors show, but the held-out gap is {:.0} where theirs is \
+         {:.0} and {:.0} is the most that counts as explained. Of clean sensors two in a hundred are this far off by chance.",
+        gap.heldout.last().copied().unwrap_or_default(),
+        gap.floor,
+        gap.limit()
+    )
+}
+
+/// Which numbers are not said to be wrong beside effects that they stood in for, or that stray much themselves. Beside row noise of 20 mV
+/// the noise of the light was said to be 0.16 (0.11 to 0.21) of what it was.
+pub(in crate::diagnose) fn unjudged(wrong: &[Misfit]) -> String {
+    let names: Vec<&str> = wrong.iter().map(|m| m.parameter.as_str()).collect();
+    format!(
+        "Not judged: {}. What was found is so strong that these numbers of the camera cannot be told beside it. Add it to the camera file \
+         (camera.toml has it) with your own numbers of these, and diagnose again.",
+        names.join(", ")
+    )
+}

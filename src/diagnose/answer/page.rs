@@ -1,0 +1,216 @@
+//! The report: one page.
+
+use super::diagnosis::{Diagnosis, Fate, Verdict};
+use super::pictures_page::seen;
+use crate::error::Result;
+use crate::report::{Part, Row, Table, page as render, ranked};
+
+/// The page of a diagnosis.
+///
+/// # Errors
+/// When a plot cannot be made.
+pub fn page(diagnosis: &Diagnosis) -> Result<String> {
+    let mut parts = vec![Part::text(sentence(diagnosis))];
+    parts.extend(named(diagnosis));
+    if !diagnosis.settle.is_empty() {
+        parts.push(Part::heading("Which recording would settle a tie"));
+        parts.push(Part::List { items: diagnosis.settle.clone() });
+    }
+    parts.push(Part::heading("Where model and recordings disagree"));
+    parts.extend(disagreements(diagnosis)?);
+    parts.push(Part::heading("The gap, after each step"));
+    parts.extend(gap(diagnosis)?);
+    parts.extend(tournament(diagnosis)?);
+    parts.extend(seen(&diagnosis.traces.pictures)?);
+    parts.push(Part::heading("What this set could not have seen"));
+    let unseen = &diagnosis.not_testable;
+    let text = if unseen.is_empty() {
+        "Every effect of the catalogue would show.".to_owned()
+    } else {
+        unseen.join(", ")
+    };
+    parts.push(Part::text(text));
+    parts.push(Part::List { items: diagnosis.notes.clone() });
+    render("Diagnosis", &parts)
+}
+
+fn sentence(d: &Diagnosis) -> String {
+    let effects: Vec<String> = d
+        .effects
+        .iter()
+        .map(|e| {
+            let ties = if e.tied_with.is_empty() {
+                String::new()
+            } else {
+                format!(" (or {})", e.tied_with.join(", "))
+            };
+            format!("{}{}{ties}", if e.resembles { "something like " } else { "" }, e.name)
+        })
+        .chain(d.misfits.iter().map(|m| {
+            let [fitted, model] = [m.fitted, m.model].map(|x| rounded(x, m.low, m.high));
+            format!("another {} ({fitted} instead of {model})", m.parameter)
+        }))
+        .collect();
+    let names = effects.join(", ");
+    match d.verdict {
+        Verdict::Agrees => "The recordings agree with the model: nothing is above its limit.".to_owned(),
+        Verdict::Explained => {
+            format!("The recordings are explained by adding {names}; nothing is left above its limit.")
+        }
+        Verdict::PartlyExplained => {
+            format!("Adding {names} explains a part; something that is not in the catalogue is left.")
+        }
+        Verdict::Unknown if names.is_empty() => {
+            "Something is there that no effect of the catalogue explains.".to_owned()
+        }
+        Verdict::Unknown => format!(
+            "Something is there that no effect of the catalogue explains; it looks a little like {names}."
+        ),
+    }
+}
+
+/// `value` to a tenth or less of how uncertain it is: two digits of half its interval.
+fn rounded(value: f64, low: f64, high: f64) -> String {
+    let half = (high - low) / 2.0;
+    let decimals = if half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 7.0) as usize } else { 5 };
+    format!("{value:.decimals$}")
+}
+
+fn interval(low: f64, high: f64) -> String {
+    format!("{} to {}", rounded(low, low, high), rounded(high, low, high))
+}
+
+fn named(d: &Diagnosis) -> Vec<Part> {
+    let mut table = Table::new(&["effect", "parameter", "value", "95 % interval", "as likely", "evidence"]);
+    for e in &d.effects {
+        for (i, p) in e.parameters.iter().enumerate() {
+            let (name, ties, evidence) = if i == 0 {
+                (e.name, e.tied_with.join(", "), e.evidence.as_str())
+            } else {
+                ("", String::new(), "")
+            };
+            table.row([
+                name,
+                p.name,
+                &rounded(p.value, p.low, p.high),
+                &interval(p.low, p.high),
+                &ties,
+                evidence,
+            ]);
+        }
+    }
+    for m in &d.misfits {
+        let note = format!("the model has {}", rounded(m.model, m.low, m.high));
+        table.row([
+            "misfit",
+            &m.parameter,
+            &rounded(m.fitted, m.low, m.high),
+            &interval(m.low, m.high),
+            &m.tied_with.join(", "),
+            &note,
+        ]);
+    }
+    let mut parts = Vec::new();
+    if !table.rows.is_empty() {
+        parts.push(Part::Table(table));
+    }
+    if !d.unknown.is_empty() {
+        let mut left = Table::new(&["left unexplained", "standard deviations"]);
+        d.unknown.iter().for_each(|u| left.row([u.r#where.clone(), format!("{:.1}", u.z)]));
+        parts.push(Part::Table(left));
+    }
+    parts
+}
+
+fn gap(d: &Diagnosis) -> Result<Vec<Part>> {
+    let values = d.gap.train.iter().zip(&d.gap.heldout);
+    let row = |(name, (a, b)): (&String, (&f64, &f64))| Row { name: name.clone(), values: vec![*a, *b] };
+    let rows: Vec<Row> = d.traces.gaps.iter().zip(values).map(row).collect();
+    Ok(vec![Part::figure(
+        ranked(
+            "squared distance, in standard deviations squared",
+            &["fitted recordings", "held-out recordings"],
+            &rows,
+            Some((d.gap.floor, "floor")),
+        )?,
+        format!(
+            "Squared distance of the statistics to the model, with what calibration fits taken out. The floor, what the final \
+             model's own sensors have, is {:.0}, with a deviation of {:.0}. Held out, the gap is {:.0} at first and {:.0} at last.",
+            d.gap.floor,
+            d.gap.floor_sd,
+            d.gap.heldout.first().unwrap_or(&0.0),
+            d.gap.heldout.last().unwrap_or(&0.0)
+        ),
+    )])
+}
+
+/// Rows of the largest deviations.
+const SHOWN: usize = 24;
+
+/// Deviations that a clean sensor shows somewhere once in a thousand times.
+const PLAIN: f64 = 5.0;
+
+fn disagreements(d: &Diagnosis) -> Result<Vec<Part>> {
+    let mut rows: Vec<_> = d.traces.deviations.iter().collect();
+    rows.sort_by(|a, b| b.2.abs().max(b.3.abs()).total_cmp(&a.2.abs().max(a.3.abs())));
+    let row = |(name, place, before, after): &(String, String, f64, f64)| Row {
+        name: format!("{place}: {name}"),
+        values: vec![*before, *after],
+    };
+    let shown: Vec<Row> = rows.iter().take(SHOWN).map(|r| row(r)).collect();
+    let plain = |after: bool| rows.iter().filter(|r| (if after { r.3 } else { r.2 }).abs() > PLAIN).count();
+    Ok(vec![Part::figure(
+        ranked("standard deviations", &["before", "after"], &shown, Some((PLAIN, "5")))?,
+        format!(
+            "The largest deviations of the fitted recordings from the model, before and after effects were added: {} of {} \
+             statistics are beyond five standard deviations before, {} after.",
+            plain(false),
+            rows.len(),
+            plain(true)
+        ),
+    )])
+}
+
+fn tournament(d: &Diagnosis) -> Result<Vec<Part>> {
+    let mut parts = Vec::new();
+    let rounds = d.traces.tournament.iter().zip(&d.traces.steps);
+    // A name that came in the place of another one won no tournament; its evidence says so.
+    for (round, (winner, fate)) in rounds.filter(|(round, _)| !round.is_empty()) {
+        let (what, caption) = match fate {
+            Fate::Kept => (
+                "",
+                "What each candidate leaves of the gap when it is fitted; within noise the names are tied.",
+            ),
+            Fate::TurnedDown => (
+                ", not kept",
+                "The held-out recordings did not come nearer with the winner, so it was not kept.",
+            ),
+            Fate::Dropped => (
+                ", dropped later",
+                "The winner was kept at first. Once the other names were known, the recordings were as likely without it.",
+            ),
+        };
+        parts.push(Part::heading(&format!("Tournament: {winner}{what}")));
+        let row = |(name, misfit, tied): &(&str, f64, bool)| Row {
+            name: format!("{name}{}", if *tied && name != winner { " (tied)" } else { "" }),
+            values: vec![*misfit],
+        };
+        let rows: Vec<Row> = round.iter().map(row).collect();
+        parts.push(Part::figure(ranked("gap that is left", &["fitted"], &rows, None)?, caption));
+    }
+    Ok(parts)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{interval, rounded};
+
+    #[test]
+    fn numbers_are_shown_as_far_as_they_are_known() {
+        assert_eq!(rounded(0.00744, 0.003_42, 0.011_46), "0.0074");
+        assert_eq!(interval(0.003_42, 0.011_46), "0.0034 to 0.0115");
+        assert_eq!(interval(6.574_67, 9.950_68), "6.6 to 10.0");
+        assert_eq!(rounded(2480.0, 2100.0, 2900.0), "2480");
+        assert_eq!(rounded(0.5, 0.5, 0.5), "0.50000", "known exactly");
+    }
+}

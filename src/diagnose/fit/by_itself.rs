@@ -1,0 +1,127 @@
+//! A fitted model judged by its own simulations.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::fit::{Fit, trust};
+use super::slopes::Secant;
+use crate::diagnose::null::limits::{Limits, centre, gamma_limit};
+use crate::diagnose::null::metric::Metric;
+use crate::diagnose::null::reference::{Reference, Signature};
+use crate::diagnose::search::tournament::SOME;
+use crate::diagnose::sensors::model::LAMP;
+use crate::draws::pattern::Pattern;
+use crate::draws::{Seeds, Stream};
+use crate::error::Result;
+
+/// Simulations with redrawn numbers, and of the mean.
+const MANY: usize = 30;
+pub(in crate::diagnose) const MEAN: usize = 12;
+
+/// What simulations of the fitted model itself look like.
+pub(in crate::diagnose) struct Own {
+    pub metric: Metric,
+    /// Limit and median of the total misfit in the first round's metric.
+    pub floor: f64,
+    pub floor_sd: f64,
+    /// Median of the misfit with any number of events allowed.
+    pub allowed_floor: f64,
+    /// What sensors of this model keep within.
+    pub limits: Limits,
+    pub mean: DVector<f64>,
+    /// By how much the fit of such a simulation misses each of its numbers.
+    pub deviations: Vec<f64>,
+    /// The part of that which does not grow with what is fitted: the null's noise.
+    pub additive: Vec<f64>,
+}
+
+/// A simulation and how far its numbers lie from the fitted ones.
+struct Redrawn {
+    moved: DVector<f64>,
+    vector: DVector<f64>,
+}
+
+impl Reference {
+    /// The fitted model judged by itself: its numbers redrawn from their posterior.
+    pub(in crate::diagnose) fn own(&self, fit: &mut Fit, data: &DVector<f64>) -> Result<Own> {
+        self.evaluate(fit, data, MEAN)?;
+        self.derive(fit, SOME, Secant::Around)?;
+        let known = fit.known();
+        let redrawn = self.redrawn(fit, &known)?;
+        let mean = fit.mean.clone();
+        let each: Vec<DVector<f64>> = redrawn.iter().map(|r| r.vector.clone()).collect();
+        let noise =
+            self.own_noise(fit, &each, &mean, each.len() as f64)?.unwrap_or_else(|| self.noise.clone());
+        let metric = Metric::new(&noise, fit.directions(self)).knowing(&known);
+        let open: Vec<&Signature> = self.signatures.iter().filter(|s| fit.lacks(s)).collect();
+        let strays: Vec<[f64; 3]> =
+            each.iter().map(|s| self.strays_by(&metric, &(s - &mean), &open)).collect();
+        let highest = |i: usize| strays.iter().map(|s| s[i]).fold(0.0, f64::max);
+        let lengths: Vec<f64> = each.iter().map(|s| self.metric.square(&(s - &mean))).collect();
+        let (floor, floor_sd) = centre(&lengths);
+        let allowing = self.allowing(&fit.events)?;
+        let allowed: Vec<f64> = each.iter().map(|s| allowing.square(&(s - &mean))).collect();
+        Ok(Own {
+            floor,
+            floor_sd,
+            allowed_floor: centre(&allowed).0,
+            // The mean itself is known to a part of the noise only.
+            limits: Limits {
+                misfit: (1.1 * gamma_limit(&strays.iter().map(|s| s[0]).collect::<Vec<_>>()))
+                    .max(self.clean.limits.misfit),
+                deviation: (1.15 * highest(1)).max(self.clean.limits.deviation),
+                score: (1.15 * highest(2)).max(self.clean.limits.score),
+            },
+            deviations: missed(&metric, &redrawn, &mean),
+            additive: roots(&Metric::new(&self.noise, fit.directions(self)).knowing(&known).covariance()),
+            metric,
+            mean,
+        })
+    }
+
+    /// Numbers that the set hardly tells are redrawn as far as a linear step is trusted: beyond, the errors of the linear fit are
+    /// not those of the fit.
+    fn redrawn(&self, fit: &Fit, known: &[f64]) -> Result<Vec<Redrawn>> {
+        let lamps = self.model.lamps.len();
+        let rough = Metric::new(&self.noise, fit.directions(self)).knowing(known);
+        let n = fit.u.len();
+        let root = rough.covariance().cholesky().map_or_else(|| DMatrix::zeros(n, n), |c| c.l());
+        let one = |i: usize| -> Result<Redrawn> {
+            let seed = self.seed + 50_000 + i as u64;
+            let mut normals =
+                Pattern::new(Seeds { camera: seed, shot: 0, sequence: 0 }, Stream::named("own")).normals();
+            let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
+            let wanted = &root * draw(n);
+            let off = draw(lamps) * LAMP;
+            let place = |j: usize| {
+                let (knob, most) = (fit.model.knobs[j], trust(fit.model.knobs[j].scale, fit.u[j]));
+                knob.clamped(fit.u[j] + wanted[j].clamp(-most, most))
+            };
+            let u: Vec<f64> = (0..n).map(place).collect();
+            let sample = fit.model.sample(&u, off.as_slice(), self.setup.scenes.len())?;
+            let moved = DVector::from_fn(n, |j, _| u[j] - fit.u[j]);
+            Ok(Redrawn { moved, vector: DVector::from_vec(self.setup.values(&sample, seed)?) })
+        };
+        (0..MANY).into_par_iter().map(one).collect()
+    }
+}
+
+/// A parametric bootstrap of the last linear fit: each redrawn sensor is fitted as the data are, and
+/// its own numbers are known. It holds what variances alone cannot: noise that moves many statistics
+/// at once, such as the number of hot pixels that a sensor happens to have.
+fn missed(metric: &Metric, redrawn: &[Redrawn], mean: &DVector<f64>) -> Vec<f64> {
+    let errors: Vec<DVector<f64>> =
+        redrawn.iter().map(|r| metric.fit(&(&r.vector - mean)) - &r.moved).collect();
+    let linear = metric.covariance();
+    let n = errors.len() as f64;
+    let of_knob = |j: usize| {
+        let square = errors.iter().map(|e| e[j] * e[j]).sum::<f64>() / n;
+        // The model's mean has noise of its own.
+        (square * (1.0 + 1.0 / MEAN as f64)).max(linear[(j, j)]).sqrt()
+    };
+    (0..linear.nrows()).map(of_knob).collect()
+}
+
+pub(in crate::diagnose) fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
+    covariance.diagonal().iter().map(|v| v.sqrt()).collect()
+}

@@ -1,0 +1,11 @@
+//! One model with effects, fitted to a set and judged by its own simulations.
+
+pub(super) mod by_itself;
+pub(super) mod coupled;
+pub(super) mod fit;
+pub(super) mod interval;
+pub(super) mod likelihood;
+pub(super) mod price;
+pub(super) mod refine;
+pub(super) mod slopes;
+pub(super) mod unlocated;

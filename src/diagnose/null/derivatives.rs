@@ -1,0 +1,91 @@
+//! What the base model's numbers and the lamps move.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::denoised::quiet;
+use super::reference::average;
+use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::sensors::model::{Knob, LAMP, Model};
+use crate::diagnose::statistics::all::vector;
+use crate::error::Result;
+
+/// Simulations for a derivative, on a sensor of so many pixels, where each tells as much as several, and on one of so many;
+/// on a smaller one as many more as it has fewer pixels, up to a limit.
+const MANY_PIXELS: (usize, usize) = (20_000, 8);
+const USUAL_PIXELS: (usize, usize) = (2304, 16);
+const MOST: usize = 64;
+
+pub(in crate::diagnose) fn pairs(setup: &Setup) -> usize {
+    let pixels = setup.geometry.pixels();
+    if pixels >= MANY_PIXELS.0 {
+        return MANY_PIXELS.1;
+    }
+    (USUAL_PIXELS.1 * USUAL_PIXELS.0 / pixels.max(1)).clamp(USUAL_PIXELS.1, MOST)
+}
+
+/// Step for the derivative by a base number, relative to its value: some five of the deviations to which 2,000 pixels tell it. What
+/// noise moves looks like information, and the less the larger the step is.
+pub(in crate::diagnose) fn step(knob: &Knob) -> f64 {
+    match (knob.effect, knob.key) {
+        // It moves every lattice of intervals; a small step keeps them in place.
+        ("prnu", "mean") => 0.01,
+        ("dark_current", "mean") => 0.05,
+        // Pixels that are nearly black, of which there are suddenly more, stray from their lines.
+        ("dark_current", _) => 0.08,
+        ("thermal_noise", _) => 0.1,
+        _ => 0.2,
+    }
+}
+
+pub(in crate::diagnose) fn base_jacobian(
+    setup: &Setup,
+    model: &Model,
+    seed: u64,
+    baseline: &[DVector<f64>],
+    spread: &[f64],
+) -> Result<DMatrix<f64>> {
+    let n = model.knobs.len();
+    let one = |j: usize| -> Result<DVector<f64>> {
+        let mut u = vec![0.0; n];
+        u[j] = step(&model.knobs[j]);
+        let sample = model.sample(&u, &[], setup.scenes.len())?;
+        let change = |i: usize| -> Result<DVector<f64>> {
+            Ok(DVector::from_vec(setup.values(&sample, seed + i as u64)?) - &baseline[i])
+        };
+        let all = (0..pairs(setup)).into_par_iter().map(change).collect::<Result<Vec<_>>>()?;
+        Ok(quiet(average(&all), spread, all.len()) / u[j])
+    };
+    let columns = (0..n).into_par_iter().map(one).collect::<Result<Vec<_>>>()?;
+    Ok(DMatrix::from_columns(&columns))
+}
+
+/// Changes per standard deviation of each lamp; only its own recording is simulated again.
+pub(in crate::diagnose) fn lamp_columns(
+    setup: &Setup,
+    model: &Model,
+    seed: u64,
+    entries: usize,
+) -> Result<DMatrix<f64>> {
+    let still = model.sample(&[], &[], setup.scenes.len())?;
+    if model.lamps.is_empty() {
+        return Ok(DMatrix::zeros(entries, 0));
+    }
+    let step = 3.0;
+    let change = |i: usize| -> Result<Vec<DVector<f64>>> {
+        let mut scans = setup.simulate(&still, seed + i as u64)?;
+        let plain = DVector::from_vec(vector(setup, &scans).values);
+        let mut columns = Vec::new();
+        for k in &model.lamps {
+            let mut moved = still.clone();
+            moved.lamps[*k] = 1.0 + step * LAMP;
+            let own = std::mem::replace(&mut scans[*k], setup.scene(&moved, *k, seed + i as u64)?);
+            columns.push((DVector::from_vec(vector(setup, &scans).values) - &plain) / step);
+            scans[*k] = own;
+        }
+        Ok(columns)
+    };
+    let all = (0..pairs(setup)).into_par_iter().map(change).collect::<Result<Vec<_>>>()?;
+    let column = |k: usize| average(&all.iter().map(|c| c[k].clone()).collect::<Vec<_>>());
+    Ok(DMatrix::from_columns(&(0..model.lamps.len()).map(column).collect::<Vec<_>>()))
+}

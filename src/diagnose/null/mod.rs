@@ -1,0 +1,9 @@
+//! What sensors of the base model show: mean, noise, what each number moves and how far clean sensors stray.
+
+pub(super) mod denoised;
+pub(super) mod derivatives;
+pub(super) mod limits;
+pub(super) mod metric;
+pub(super) mod nameable;
+pub(super) mod redraw;
+pub(super) mod reference;

@@ -1,0 +1,170 @@
+//! How strong an effect must be on a set before it can be named.
+
+use super::reference::{Reference, Signature};
+use crate::diagnose::events::located::EVENTS;
+use crate::diagnose::sensors::model::Scale;
+use crate::error::Result;
+
+/// Efficient score at which an effect counts as nameable.
+pub const SCORE: f64 = 5.0;
+
+/// A length of a signature that is near enough to [`SCORE`] for a straight line.
+const WEAK: f64 = 40.0;
+
+/// Largest cosine that is projected out.
+const LIKEST: f64 = 0.97;
+
+/// Halvings of the logarithm of where an effect sets in: a few per cent.
+const ONSET_STEPS: usize = 6;
+
+/// Events that a set must be expected to hold: fewer than one set in a hundred then has none.
+const LEAST: f64 = 5.0;
+
+/// The smallest strength at which an effect can be told from calibration and from its nearest rival.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Nameable {
+    /// Canonical name.
+    pub name: &'static str,
+    /// Its amplitude's key.
+    pub key: &'static str,
+    /// Strength, as a difference from the effect's absence.
+    pub strength: f64,
+    /// The candidate that it is most alike.
+    pub nearest: &'static str,
+    /// Cosine of the angle between the two.
+    pub alike: f64,
+}
+
+impl Reference {
+    /// Every candidate's smallest nameable strength; the median over the shapes that are tried.
+    ///
+    /// Lengths and angles come from products of different simulations, whose noise averages out.
+    #[must_use]
+    pub fn nameable(&self) -> Vec<Nameable> {
+        let mut names: Vec<&'static str> = self.signatures.iter().map(|s| s.candidate.name).collect();
+        names.dedup();
+        names.into_iter().filter_map(|name| self.nameable_one(name)).collect()
+    }
+
+    /// Names that this set cannot show, or that the model cannot simulate.
+    pub(in crate::diagnose) fn not_testable(&self) -> Vec<&'static str> {
+        let mut names: Vec<&'static str> = self.signatures.iter().map(|s| s.candidate.name).collect();
+        names.dedup();
+        let strongest = |name: &&'static str| {
+            let own = self.signatures.iter().filter(|s| s.candidate.name == *name);
+            own.map(|s| self.square(s) * reach(s).powi(2)).fold(0.0, f64::max) < SCORE * SCORE
+        };
+        names.into_iter().filter(strongest).chain(self.missing.iter().copied()).collect()
+    }
+
+    /// The same of one name; nothing where its signature is lost in its own noise.
+    pub(in crate::diagnose) fn nameable_one(&self, name: &'static str) -> Option<Nameable> {
+        let mut found: Vec<Nameable> = Vec::new();
+        for tried in self.signatures.iter().filter(|s| s.candidate.name == name) {
+            let (nearest, alike) = self.nearest(tried);
+            let weak = self.weakened(tried).ok()?;
+            let square = self.square(&weak);
+            // A signature that is lost in its own noise says nothing.
+            if square < 25.0 {
+                continue;
+            }
+            let length = (square * (1.0 - alike * alike)).sqrt();
+            let knob = weak.candidate.knobs[0];
+            let u = self.onset(&weak, SCORE / length).ok()?;
+            let strength = (knob.value(u) - knob.value(0.0)).abs();
+            found.push(Nameable { name, key: knob.key, strength, nearest, alike });
+        }
+        let fewest = self.fewest(name);
+        found.iter_mut().for_each(|f| f.strength = f.strength.max(fewest));
+        found.sort_by(|a, b| a.strength.total_cmp(&b.strength));
+        // Noise falls so much with a flicker's frequency that the middle one says nothing of the others: the worst one counts.
+        let of_all = if name == "flicker" { found.len().saturating_sub(1) } else { found.len() / 2 };
+        (!found.is_empty()).then(|| found.swap_remove(of_all))
+    }
+
+    /// What happens to whole readouts or pixels must happen at all.
+    fn fewest(&self, name: &str) -> f64 {
+        let readouts: usize = self.setup.scenes.iter().map(|s| s.readouts).sum();
+        match name {
+            _ if EVENTS.contains(&name) => LEAST / readouts as f64,
+            "hot_pixels" | "dead_pixels" => LEAST / self.setup.geometry.pixels() as f64,
+            _ => 0.0,
+        }
+    }
+
+    /// The candidate of another name that looks most like `own`, and the cosine between them. Two that
+    /// nothing tells apart are a tie when found, so what is projected out is bounded.
+    fn nearest(&self, own: &Signature) -> (&'static str, f64) {
+        let square = self.square(own);
+        let alike = |rival: &Signature| {
+            let other = self.square(rival);
+            if other < 25.0 || square < 25.0 {
+                return 0.0;
+            }
+            (self.product(own, rival) / (square * other).sqrt()).clamp(-1.0, 1.0)
+        };
+        let rivals = self.signatures.iter().filter(|s| s.candidate.name != own.candidate.name);
+        let nearest =
+            rivals.map(|r| (alike(r), r.candidate.name)).max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+        nearest.map_or(("", 0.0), |(a, n)| (n, a.clamp(-LIKEST, LIKEST)))
+    }
+
+    /// The signature at a strength near the smallest nameable one: few effects are linear over decades.
+    fn weakened(&self, tried: &Signature) -> Result<Signature> {
+        let mut signature = tried.clone();
+        for _ in 0..4 {
+            let length = self.square(&signature).max(0.0).sqrt();
+            if length < WEAK {
+                break;
+            }
+            let mut candidate = signature.candidate.clone();
+            candidate.at[0] *= (0.5 * WEAK / length).max(0.03);
+            let weaker = self.signature(candidate)?;
+            if self.square(&weaker) < 36.0 {
+                break;
+            }
+            signature = weaker;
+        }
+        Ok(signature)
+    }
+
+    /// Position at which a signature has `share` of its length, which is small. A straight line from no effect
+    /// would promise too much of one that sets in late, as a clamp does: three times further it must have done
+    /// at least half of what the line says, or the position is where it does.
+    fn onset(&self, weak: &Signature, share: f64) -> Result<f64> {
+        let (mut low, mut high) = (3.0 * share, 1.0);
+        let promised = self.square(weak) * low * low;
+        let holds = |share: f64| -> Result<bool> {
+            let mut candidate = weak.candidate.clone();
+            candidate.at[0] *= share;
+            Ok(self.square(&self.signature(candidate)?) > 0.25 * promised)
+        };
+        if low >= high || holds(low)? {
+            return Ok(weak.candidate.at[0] * share);
+        }
+        for _ in 0..ONSET_STEPS {
+            let middle = (low * high).sqrt();
+            if holds(middle)? { high = middle } else { low = middle }
+        }
+        Ok(weak.candidate.at[0] * high)
+    }
+
+    fn square(&self, s: &Signature) -> f64 {
+        self.metric.dual(&s.each[0]).dot(&s.each[1])
+    }
+
+    fn product(&self, a: &Signature, b: &Signature) -> f64 {
+        0.5 * (self.metric.dual(&a.each[0]).dot(&b.each[1]) + self.metric.dual(&a.each[1]).dot(&b.each[0]))
+    }
+}
+
+/// How much further than tried the amplitude can go.
+pub(in crate::diagnose) fn reach(s: &Signature) -> f64 {
+    let (knob, u) = (s.candidate.knobs[0], s.candidate.at[0]);
+    let most = knob.position(if u * knob.unit < 0.0 && knob.scale == Scale::Linear {
+        knob.range.0
+    } else {
+        knob.range.1
+    });
+    (most / u).abs().max(1.0)
+}

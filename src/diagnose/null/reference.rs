@@ -1,0 +1,218 @@
+//! What a set of a given protocol looks like under the base model: mean, noise, what each number
+//! moves, how each candidate shows, and how far clean sensors stray.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::derivatives::{base_jacobian, lamp_columns};
+use super::limits::{Clean, Limits};
+use super::metric::{Metric, Noise, noise};
+use super::redraw::{Redrawn, redraw};
+use crate::diagnose::fit::fit::LEANING;
+use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::sensors::catalogue::{Candidate, OF_THE_SCENE, candidates};
+use crate::diagnose::sensors::model::{LAMP, Model};
+use crate::diagnose::sensors::remembered::Remembered;
+use crate::diagnose::statistics::all::Statistic;
+use crate::effects::Camera;
+use crate::error::Result;
+
+/// Simulations at the base model's own numbers.
+const FIXED: usize = 80;
+
+/// Simulations of the half that judges, where one set is cut in two.
+const HALVES: usize = 24;
+
+/// Simulations of a candidate's signature.
+const SIGNATURE: usize = 2;
+
+/// How a candidate shows at one position.
+#[derive(Clone, Debug)]
+pub(in crate::diagnose) struct Signature {
+    pub candidate: Candidate,
+    /// Change of the vector, mean and of each simulation.
+    pub mean: DVector<f64>,
+    pub each: Vec<DVector<f64>>,
+}
+
+/// Sensors of one kind under one protocol; it serves for every set recorded by that protocol.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    pub(in crate::diagnose) setup: Setup,
+    pub(in crate::diagnose) model: Model,
+    pub(in crate::diagnose) statistics: Vec<Statistic>,
+    pub(in crate::diagnose) seed: u64,
+    /// Vectors of the first [`FIXED`] seeds.
+    pub(in crate::diagnose) baseline: Vec<DVector<f64>>,
+    pub(in crate::diagnose) mean: DVector<f64>,
+    /// The deviation of every statistic from one of these to another, without floors and lamps.
+    pub(in crate::diagnose) spread: Vec<f64>,
+    /// Changes per unit of the base knobs.
+    pub(in crate::diagnose) jacobian: DMatrix<f64>,
+    /// Noise, lamps included.
+    pub(in crate::diagnose) noise: Noise,
+    pub(in crate::diagnose) metric: Metric,
+    /// By how much the fit of a clean sensor misses each of the base model's numbers.
+    pub(in crate::diagnose) missed: Vec<f64>,
+    pub(in crate::diagnose) signatures: Vec<Signature>,
+    /// Names that cannot be simulated.
+    pub(in crate::diagnose) missing: Vec<&'static str>,
+    /// What clean sensors show.
+    pub(in crate::diagnose) clean: Clean,
+    /// What fitted models were simulated as.
+    remembered: Remembered,
+}
+
+/// Told what is being done and the share of it that is.
+pub type Progress<'a> = &'a mut dyn FnMut(&str, f64);
+
+impl Reference {
+    /// Simulates sensors like `camera` under the protocol of `setup`.
+    ///
+    /// # Errors
+    /// When the camera cannot be simulated at the set's light.
+    pub fn new(setup: Setup, camera: Camera, seed: u64, progress: Progress<'_>) -> Result<Self> {
+        let model = Model::base(camera, &setup);
+        let scenes = setup.scenes.len();
+        let still = model.sample(&[], &[], scenes)?;
+        progress("null", 0.0);
+        let statistics = setup.statistics(&still, seed)?;
+        let vector = |i: usize| Ok(DVector::from_vec(setup.values(&still, seed + i as u64)?));
+        let baseline: Vec<DVector<f64>> = (0..FIXED).into_par_iter().map(vector).collect::<Result<_>>()?;
+        let mean = average(&baseline);
+        progress("null", 0.3);
+        let square = |j: usize| baseline.iter().map(|b| (b[j] - mean[j]).powi(2)).sum::<f64>();
+        let spread: Vec<f64> = (0..mean.len()).map(|j| (square(j) / (FIXED - 1) as f64).sqrt()).collect();
+        let jacobian = base_jacobian(&setup, &model, seed, &baseline, &spread)?;
+        let lamps = lamp_columns(&setup, &model, seed, statistics.len())?;
+        progress("null", 0.5);
+        let floors: Vec<f64> = statistics.iter().map(|s| s.floor).collect();
+        let first: Vec<DVector<f64>> = baseline.iter().map(|s| s - &mean).collect();
+        let rough = Metric::new(&noise(&first, &floors)?.with_columns(&lamps)?, jacobian.clone());
+        let redrawn = redraw(&setup, &model, seed, &rough)?;
+        progress("null", 0.8);
+        let residual = |d: &Redrawn| &d.vector - &mean - &jacobian * &d.base - &lamps * &d.lamps / LAMP;
+        let mut residuals: Vec<DVector<f64>> = redrawn.iter().map(residual).collect();
+        residuals.extend(first);
+        let full = noise(&residuals, &floors)?.with_columns(&lamps)?;
+        let metric = Metric::new(&full, jacobian.clone());
+        let missed = missed(&metric, &redrawn, &mean);
+        let (mut all, mut missing) =
+            candidates(&model.camera, setup.scenes.iter().map(|s| s.skip + s.readouts).max().unwrap_or(1));
+        if setup.only_still() {
+            missing.extend(OF_THE_SCENE);
+            all.retain(|c| !OF_THE_SCENE.contains(&c.name));
+        }
+        progress("signatures", 0.8);
+        let mut reference = Self {
+            clean: Clean::default(),
+            setup,
+            model,
+            statistics,
+            seed,
+            baseline,
+            mean,
+            spread,
+            jacobian,
+            noise: full,
+            metric,
+            missed,
+            signatures: Vec::new(),
+            missing,
+            remembered: Remembered::default(),
+        };
+        let sign = |c: Candidate| reference.signature(c);
+        reference.signatures = all.into_par_iter().map(sign).collect::<Result<_>>()?;
+        reference.clean = reference.null(&redrawn, &residuals, &lamps, &floors)?;
+        progress("signatures", 1.0);
+        Ok(reference)
+    }
+
+    /// What clean sensors keep within.
+    #[must_use]
+    pub fn limits(&self) -> Limits {
+        self.clean.limits
+    }
+
+    /// How `candidate` shows in a base sensor.
+    pub(in crate::diagnose) fn signature(&self, candidate: Candidate) -> Result<Signature> {
+        let mut model = self.model.clone();
+        let zero = vec![0.0; model.knobs.len()];
+        model.knobs.extend(candidate.knobs.iter().copied());
+        let u = [zero.as_slice(), &candidate.at].concat();
+        let sample = model.sample(&u, &[], self.setup.scenes.len())?;
+        let one = |i: usize| {
+            let values = self.setup.values(&sample, self.seed + i as u64)?;
+            Ok(DVector::from_vec(values) - &self.baseline[i])
+        };
+        let each = (0..SIGNATURE).into_par_iter().map(one).collect::<Result<Vec<_>>>()?;
+        Ok(Signature { candidate, mean: average(&each), each })
+    }
+
+    /// Mean vector of a fitted model from `count` simulations, of which the first are `known`, with the base model's as control
+    /// where that helps.
+    pub(in crate::diagnose) fn mean_of(
+        &self,
+        model: &Model,
+        u: &[f64],
+        count: usize,
+        known: Vec<DVector<f64>>,
+    ) -> Result<Means> {
+        let sample = model.sample(u, &[], self.setup.scenes.len())?;
+        let simulate = |i: usize| Ok(DVector::from_vec(self.setup.values(&sample, self.seed + i as u64)?));
+        let one = |i: usize| self.remembered.or(&sample, i, || simulate(i));
+        let mut each = known;
+        let more = (each.len()..count.min(FIXED)).into_par_iter().map(one);
+        each.extend(more.collect::<Result<Vec<_>>>()?);
+        Ok(Means { mean: self.controlled(&each), each })
+    }
+
+    /// Mean vector of a fitted model under another protocol of as many statistics: the other half of the recordings.
+    pub(in crate::diagnose) fn mean_under(
+        &self,
+        setup: &Setup,
+        model: &Model,
+        u: &[f64],
+    ) -> Result<DVector<f64>> {
+        let sample = model.sample(u, &[], setup.scenes.len())?;
+        let one = |i: usize| Ok(DVector::from_vec(setup.values(&sample, self.seed + i as u64)?));
+        Ok(average(&(0..HALVES).into_par_iter().map(one).collect::<Result<Vec<_>>>()?))
+    }
+
+    fn controlled(&self, each: &[DVector<f64>]) -> DVector<f64> {
+        let n = each.len();
+        let plain = average(each);
+        let change: Vec<DVector<f64>> = each.iter().zip(&self.baseline).map(|(s, b)| s - b).collect();
+        let controlled = average(&change) + &self.mean;
+        let spread = |rows: &[DVector<f64>], centre: f64, j: usize| {
+            rows.iter().map(|r| (r[j] - centre).powi(2)).sum::<f64>()
+        };
+        DVector::from_fn(plain.len(), |j, _| {
+            let close = spread(&change, controlled[j] - self.mean[j], j) < spread(each, plain[j], j);
+            if n < 2 || close { controlled[j] } else { plain[j] }
+        })
+    }
+}
+
+/// Statistics that tell one number follow its chance in one sensor together, the spread of 2,304 gains for one. Where the noise
+/// does not hold all of that, the linear deviations are too small.
+fn missed(metric: &Metric, redrawn: &[Redrawn], mean: &DVector<f64>) -> Vec<f64> {
+    let known = vec![LEANING; metric.directions.ncols()];
+    let fitter = metric.clone().knowing(&known);
+    let error = |d: &Redrawn| fitter.fit(&(&d.vector - mean)) - &d.base;
+    let errors: Vec<DVector<f64>> = redrawn.iter().map(error).collect();
+    let square = |j: usize| errors.iter().map(|e| e[j] * e[j]).sum::<f64>() / errors.len() as f64;
+    (0..known.len()).map(|j| square(j).sqrt()).collect()
+}
+
+/// Simulated vectors and their mean.
+pub(in crate::diagnose) struct Means {
+    pub mean: DVector<f64>,
+    pub each: Vec<DVector<f64>>,
+}
+
+pub(in crate::diagnose) fn average(vectors: &[DVector<f64>]) -> DVector<f64> {
+    let mut sum = vectors[0].clone();
+    vectors[1..].iter().for_each(|v| sum += v);
+    sum / vectors.len() as f64
+}

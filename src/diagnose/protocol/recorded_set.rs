@@ -1,0 +1,143 @@
+//! What a set holds, free of files, as it is read.
+
+use super::extent::{Extent, Part, cut};
+use super::recorded::Scene;
+use super::still::{self, Still};
+use crate::calibrate::{Light, Recording, RecordingSet, Scene as Pattern};
+use crate::diagnose::events::located::{Located, places};
+use crate::diagnose::recording::bits::PixelBits;
+use crate::diagnose::recording::scan::{Scan, scan_turned};
+use crate::diagnose::statistics::all::vector;
+use crate::error::{Error, Kind, Result};
+use crate::spikes::{Geometry, Packed};
+
+/// Fewest readouts of a recording that can be judged.
+const FEWEST: usize = 256;
+
+/// Most pixels of a still scene that are simulated: some 20,000 tell temporal noise to a per cent.
+pub const LARGEST: usize = 20_000;
+
+/// All recordings of a set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// Width and height.
+    pub geometry: Geometry,
+    /// Readouts per second.
+    pub readout_hz: f64,
+    /// The recordings.
+    pub scenes: Vec<Scene>,
+    /// Whether rate maps stand in place of recordings.
+    pub maps: bool,
+    /// First row and rows that are looked at, where a still scene is larger than 20,000 pixels.
+    pub band: Option<(usize, usize)>,
+    /// Fewest and most readouts that are judged of the recordings that have more.
+    pub first_readouts: Option<[usize; 2]>,
+}
+
+/// A measured set: its vector of statistics and the scans that it comes from.
+#[derive(Clone, Debug)]
+pub(in crate::diagnose) struct Measured {
+    pub scans: Vec<Scan>,
+    pub values: Vec<f64>,
+    pub located: Located,
+}
+
+impl Setup {
+    /// What `set` holds, or a part of it; cuts lie on whole periods of a square wave.
+    ///
+    /// # Errors
+    /// When a file cannot be read, or a recording is too short to judge.
+    pub fn of(set: &RecordingSet, part: Part, extent: Extent) -> Result<Self> {
+        let geometry = set.geometry()?;
+        let (mut scenes, mut first_readouts) = (Vec::new(), None::<[usize; 2]>);
+        for recording in &set.recordings {
+            let reader = set.reader(recording)?;
+            let most = extent.most(geometry, recording.light);
+            // Both parts of a recording that is cut in the middle have as many.
+            let all = if part == Part::Whole { most } else { most.saturating_mul(2) };
+            if reader.readouts() > all {
+                let [fewest, longest] = first_readouts.unwrap_or([all; 2]);
+                first_readouts = Some([fewest.min(all), longest.max(all)]);
+            }
+            let (skip, readouts) = cut(reader.readouts().min(all), recording.light, part);
+            if readouts < FEWEST {
+                return Err(Error::new(Kind::Input, &recording.file)
+                    .found(format_args!("{readouts} readouts"))
+                    .expected(format_args!("{FEWEST} or more in each part of a recording"))
+                    .remedy(
+                        "record longer, or give a second set with --holdout so that this one is not split",
+                    ));
+            }
+            let still = match recording.light {
+                Light::Scene(Pattern::StaticUnknown {}) => Some(Still::of(&reader)?),
+                _ => None,
+            };
+            let name = recording.file.clone();
+            scenes.push(Scene { name, light: recording.light, readouts, skip, still });
+        }
+        let maps = scenes.is_empty() && set.rate_maps.len() >= 2;
+        let setup = Self { geometry, readout_hz: set.readout_hz, scenes, maps, band: None, first_readouts };
+        setup.cut_to_band()
+    }
+
+    /// Whether still scenes are all that there is.
+    pub(in crate::diagnose) fn only_still(&self) -> bool {
+        !self.scenes.is_empty() && self.scenes.iter().all(|s| s.still.is_some())
+    }
+
+    /// A large still scene cut to the rows that hold most of its even surface.
+    fn cut_to_band(mut self) -> Result<Self> {
+        let (width, height) = (self.geometry.width(), self.geometry.height());
+        // Rows in eights begin on whole bytes.
+        let rows = (LARGEST / width / 8 * 8).max(8);
+        let Some(still) = self.scenes.iter().find_map(|s| s.still.as_ref()) else { return Ok(self) };
+        if height <= rows {
+            return Ok(self);
+        }
+        let starts = (0..=height - rows).step_by(8);
+        let first = starts.max_by_key(|r| still.even_in(r * width..(r + rows) * width)).unwrap_or(0);
+        self.geometry = Geometry::new(width as u32, rows as u32)?;
+        self.band = Some((first, rows));
+        for still in self.scenes.iter_mut().filter_map(|s| s.still.as_mut()) {
+            still.cut(first * width..(first + rows) * width);
+        }
+        Ok(self)
+    }
+
+    /// Reads and measures the recordings.
+    pub(in crate::diagnose) fn measure(&self, set: &RecordingSet) -> Result<Measured> {
+        if self.maps {
+            let values = still::measured_maps(self, set)?;
+            return Ok(Measured { scans: Vec::new(), values, located: Located::default() });
+        }
+        let (mut scans, mut located) = (Vec::new(), Vec::new());
+        for (scene, recording) in self.scenes.iter().zip(&set.recordings) {
+            let bytes = self.part(set, recording, scene)?;
+            let frames = Packed::new(self.geometry, &bytes)?;
+            let bits = PixelBits::new(frames);
+            let mut found = scan_turned(frames, &bits, scene.look());
+            if let Some(still) = &scene.still {
+                still.keep(&mut found);
+            }
+            located.push(places(frames, &bits, &found, scene));
+            scans.push(found);
+        }
+        let values = vector(self, &scans).values;
+        Ok(Measured { scans, values, located: Located(located) })
+    }
+
+    /// The bits of a recording, as far as they are looked at.
+    pub(in crate::diagnose) fn read(&self, set: &RecordingSet, k: usize) -> Result<Vec<u8>> {
+        self.part(set, &set.recordings[k], &self.scenes[k])
+    }
+
+    fn part(&self, set: &RecordingSet, recording: &Recording, scene: &Scene) -> Result<Vec<u8>> {
+        let reader = set.reader(recording)?;
+        let whole = reader.geometry().frame_bytes();
+        let mut bytes = vec![0; scene.readouts * whole];
+        reader.read_frames(scene.skip, &mut bytes)?;
+        let Some((first, _)) = self.band else { return Ok(bytes) };
+        let (from, own) = (first * self.geometry.width() / 8, self.geometry.frame_bytes());
+        Ok(bytes.chunks_exact(whole).flat_map(|f| &f[from..from + own]).copied().collect())
+    }
+}

@@ -1,0 +1,178 @@
+//! One pass over a recording: what every statistic needs of it, per pixel and per readout.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::bits::{PixelBits, count_between, count_blocks};
+use super::coincidences::{neighbours, row_halves, totals};
+use super::intervals::{bright, intervals, times};
+use super::stretches::{Stretch, stretches};
+use crate::kernels::{Bits, ROOM, SLACK, Shorts, Work, counting_with};
+use crate::spikes::{Geometry, Packed};
+
+/// Blocks of time whose counts are compared.
+pub(in crate::diagnose) const BLOCKS: usize = 8;
+
+/// Runs of pixels that are looked at side by side. A fixed number: sums of parts depend on where they are cut.
+pub(in crate::diagnose) const BANDS: usize = 8;
+
+/// Lags of the phase variance, in intervals.
+pub(in crate::diagnose) const LAGS: [usize; 3] = [1, 4, 16];
+
+/// What a scene makes worth looking at.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::diagnose) struct Look {
+    /// Every interval: where spikes are few.
+    pub dim: bool,
+    /// The halves of rows together.
+    pub rows: bool,
+    /// The dark stretches of a square wave of this half period, in readouts.
+    pub half_period: Option<usize>,
+}
+
+/// Readouts from an edge on, after which the response counts as steady.
+pub(in crate::diagnose) const STEADY: usize = 300;
+
+/// Readouts after a fall that the first interval in the new light may take.
+pub(in crate::diagnose) const SETTLED: usize = 20;
+
+/// What a pixel did.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::diagnose) struct PixelScan {
+    pub count: u32,
+    /// Spikes per readout: by time from three spikes on, by count below.
+    pub rate: f64,
+    pub blocks: [u32; BLOCKS],
+    /// Phase variance at [`LAGS`] less its quantisation, in thresholds squared; sums over terms.
+    pub variance: [f64; LAGS.len()],
+    pub terms: [f64; LAGS.len()],
+    /// Covariance of intervals one and two apart, in thresholds squared; sums.
+    pub covariance: [f64; 2],
+    /// Spikes from [`SETTLED`] readouts after every fall of the light to its next rise.
+    pub after_falls: u32,
+    /// Intervals off the pixel's lattice: shorter, longer.
+    pub off_lattice: [u32; 2],
+}
+
+/// What a recording holds.
+#[derive(Clone, Debug)]
+pub(in crate::diagnose) struct Scan {
+    pub geometry: Geometry,
+    pub pixels: Vec<PixelScan>,
+    /// Spikes of each readout.
+    pub totals: Vec<u32>,
+    /// Bits that changed since the readout before.
+    pub changes: Vec<u32>,
+    /// Covariance of the two halves of a row, over the binomial variance of a half.
+    pub row_halves: f64,
+    /// Coincidences of neighbours over their chance less one: beside and below at lag 0, then at lag 1.
+    pub neighbours: [f64; 4],
+    /// Sum of the deviations of intervals that end at a readout, in readouts, and their number.
+    pub deviations: Deviations,
+    /// The stretches between the steps of a square wave.
+    pub stretches: Vec<Stretch>,
+    /// Relative difference of pixels side by side; of still scenes only.
+    pub contrast: f64,
+}
+
+/// Scans packed frames for what `look` asks.
+pub(in crate::diagnose) fn scan(frames: Packed<'_>, look: Look) -> Scan {
+    scan_turned(frames, &PixelBits::new(frames), look)
+}
+
+/// The same where the frames have been turned round already.
+pub(in crate::diagnose) fn scan_turned(frames: Packed<'_>, bits: &PixelBits, look: Look) -> Scan {
+    let [totals, changes] = totals(frames);
+    let stretches = look.half_period.map_or_else(Vec::new, |half| stretches(&totals, half));
+    let dark: Vec<_> = dark_windows(&stretches).collect();
+    let geometry = bits.geometry;
+    let n = geometry.pixels();
+    let rows = n.div_ceil(BANDS);
+    let of_band = |band: usize| {
+        let pixels = (band * rows).min(n)..((band + 1) * rows).min(n);
+        counting_with(Band { bits, pixels, dim: look.dim, dark: &dark })
+    };
+    let parts: Vec<(Vec<PixelScan>, Deviations)> = (0..BANDS).into_par_iter().map(of_band).collect();
+    let mut pixels = Vec::with_capacity(n);
+    let mut deviations = vec![[0.0; 2]; if look.dim { bits.readouts } else { 0 }];
+    for (part, more) in parts {
+        pixels.extend(part);
+        deviations.iter_mut().zip(more).for_each(|(a, b)| *a = [a[0] + b[0], a[1] + b[1]]);
+    }
+    Scan {
+        geometry,
+        changes,
+        row_halves: if look.rows { row_halves(bits) } else { 0.0 },
+        neighbours: neighbours(bits, &pixels),
+        pixels,
+        totals,
+        deviations,
+        stretches,
+        contrast: 0.0,
+    }
+}
+
+/// See [`Scan::deviations`].
+pub(in crate::diagnose) type Deviations = Vec<[f64; 2]>;
+
+/// Some of the pixels, which are looked at one after the other.
+struct Band<'a> {
+    bits: &'a PixelBits,
+    pixels: Range<usize>,
+    dim: bool,
+    dark: &'a [(usize, usize)],
+}
+
+impl Work for Band<'_> {
+    type Out = (Vec<PixelScan>, Deviations);
+
+    #[inline(always)]
+    fn run<S: Shorts, B: Bits>(self, _: S, b: B) -> Self::Out {
+        let readouts = self.bits.readouts;
+        let mut deviations = vec![[0.0; 2]; if self.dim { readouts } else { 0 }];
+        let (mut places, mut all) = ([0; ROOM + SLACK], Vec::new());
+        let ends: [usize; BLOCKS] = std::array::from_fn(|b| (b + 1) * readouts / BLOCKS);
+        let mut pixels = Vec::with_capacity(self.pixels.len());
+        for p in self.pixels {
+            let words = self.bits.pixel(p);
+            let mut scan = counts(words, readouts, &ends, self.dark);
+            if scan.count >= 4 {
+                let mean = scan.rate.recip();
+                if self.dim {
+                    let times = times(b, words, scan.count as usize, &mut places, &mut all);
+                    intervals(times, mean, &mut scan, &mut deviations);
+                } else {
+                    bright(words, mean, &mut scan);
+                }
+            }
+            pixels.push(scan);
+        }
+        (pixels, deviations)
+    }
+}
+
+/// Counts of a pixel's spikes, and its rate.
+#[inline(always)]
+fn counts(words: &[u64], readouts: usize, ends: &[usize; BLOCKS], dark: &[(usize, usize)]) -> PixelScan {
+    let blocks = count_blocks(words, ends);
+    let mut scan = PixelScan { blocks, count: blocks.iter().sum(), ..PixelScan::default() };
+    for (from, to) in dark {
+        scan.after_falls += count_between(words, *from, *to);
+    }
+    let Some(first) = words.iter().position(|w| *w != 0) else { return scan };
+    let last = words.iter().rposition(|w| *w != 0).unwrap_or(first);
+    let start = first * 64 + words[first].trailing_zeros() as usize;
+    let end = last * 64 + 63 - words[last].leading_zeros() as usize;
+    scan.rate = if scan.count < 3 {
+        f64::from(scan.count) / readouts as f64
+    } else {
+        f64::from(scan.count - 1) / (end - start) as f64
+    };
+    scan
+}
+
+/// The settled part of each dark stretch of a square wave.
+pub(in crate::diagnose) fn dark_windows(stretches: &[Stretch]) -> impl Iterator<Item = (usize, usize)> {
+    stretches.iter().filter(|s| !s.bright).map(|s| (s.from + SETTLED, s.to))
+}

@@ -1,0 +1,12 @@
+//! The loop over names: is anything left, what explains it best, does it hold on other recordings.
+
+pub(super) mod alarm;
+pub(super) mod context;
+pub(super) mod contradicted;
+pub(super) mod faint;
+pub(super) mod last_steps;
+pub(super) mod own_numbers;
+pub(super) mod round;
+pub(super) mod search;
+pub(super) mod tournament;
+pub(super) mod weed;

@@ -1,0 +1,9 @@
+//! The scans of a set to one vector of statistics.
+
+pub(super) mod all;
+pub(super) mod lines;
+pub(super) mod maps;
+pub(super) mod quantiles;
+pub(super) mod readouts;
+pub(super) mod steps;
+pub(super) mod transforms;
