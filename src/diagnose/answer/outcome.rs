@@ -3,7 +3,7 @@
 use super::diagnosis::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
 use super::next_recording::{settle, tied};
 use super::notes::{open, unjudged};
-use crate::diagnose::fit::by_itself::MEAN;
+use crate::diagnose::fit::draws::MEAN_SIMULATIONS;
 use crate::diagnose::fit::interval::{interval, of_data};
 use crate::diagnose::null::reference::Reference;
 use crate::diagnose::search::contradicted::{Contradicted, contradicted};
@@ -45,7 +45,7 @@ pub(in crate::diagnose) fn outcome(
             (bound.low, bound.high) = (bound.low.max(-2.0 * deviation), bound.high.min(2.0 * deviation));
         }
         let mut last = found.fit.moved(&found.own.metric.bounded(&off, &bounds));
-        reference.evaluate(&mut last, data, MEAN)?;
+        reference.evaluate(&mut last, data, MEAN_SIMULATIONS)?;
         if last.cost < found.fit.cost {
             found.fit = last;
             break;

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use crate::diagnose::recording::bits::BANDS;
 use crate::diagnose::recording::bits::{PixelBits, count_between};
-use crate::diagnose::recording::scan::BANDS;
 
 /// Mean interval from which on a missing spike shows: twice 2.3 less one is more than three.
 const SHORTEST: f64 = 2.3;

@@ -3,20 +3,20 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::draws::MEAN_SIMULATIONS;
+use super::draws::SOME_SIMULATIONS;
 use super::fit::{Fit, trust};
 use super::slopes::Secant;
 use crate::diagnose::null::limits::{Limits, centre, gamma_limit};
 use crate::diagnose::null::metric::Metric;
 use crate::diagnose::null::reference::{Reference, Signature};
-use crate::diagnose::search::tournament::SOME;
 use crate::diagnose::sensors::model::LAMP;
 use crate::draws::pattern::Pattern;
 use crate::draws::{Seeds, Stream};
 use crate::error::Result;
 
-/// Simulations with redrawn numbers, and of the mean.
+/// Simulations with redrawn numbers.
 const MANY: usize = 30;
-pub(in crate::diagnose) const MEAN: usize = 12;
 
 /// What simulations of the fitted model itself look like.
 pub(in crate::diagnose) struct Own {
@@ -44,8 +44,8 @@ struct Redrawn {
 impl Reference {
     /// The fitted model judged by itself: its numbers redrawn from their posterior.
     pub(in crate::diagnose) fn own(&self, fit: &mut Fit, data: &DVector<f64>) -> Result<Own> {
-        self.evaluate(fit, data, MEAN)?;
-        self.derive(fit, SOME, Secant::Around)?;
+        self.evaluate(fit, data, MEAN_SIMULATIONS)?;
+        self.derive(fit, SOME_SIMULATIONS, Secant::Around)?;
         let known = fit.known();
         let redrawn = self.redrawn(fit, &known)?;
         let mean = fit.mean.clone();
@@ -117,7 +117,7 @@ fn missed(metric: &Metric, redrawn: &[Redrawn], mean: &DVector<f64>) -> Vec<f64>
     let of_knob = |j: usize| {
         let square = errors.iter().map(|e| e[j] * e[j]).sum::<f64>() / n;
         // The model's mean has noise of its own.
-        (square * (1.0 + 1.0 / MEAN as f64)).max(linear[(j, j)]).sqrt()
+        (square * (1.0 + 1.0 / MEAN_SIMULATIONS as f64)).max(linear[(j, j)]).sqrt()
     };
     (0..linear.nrows()).map(of_knob).collect()
 }

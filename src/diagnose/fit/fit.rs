@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::likelihood::Likelihood;
 use super::slopes::Taken;
 use crate::diagnose::events::located::Events;
+use crate::diagnose::null::known::CALIBRATED;
 use crate::diagnose::null::metric::{Bound, Metric};
 use crate::diagnose::null::reference::{Reference, Signature};
 use crate::diagnose::sensors::catalogue::{Candidate, SETTING_IN};
@@ -40,10 +41,6 @@ pub(in crate::diagnose) struct Fit {
     /// [`Likelihood::deviance`] of the data.
     pub cost: f64,
 }
-
-/// How strongly a number of the base model is drawn back to its calibrated value: as by a measurement to a half of it.
-/// Without that, two that the set hardly tells apart, such as the spreads of gain and of threshold, wander.
-pub(in crate::diagnose) const LEANING: f64 = 4.0;
 
 impl Fit {
     /// The base model.
@@ -180,7 +177,7 @@ impl Fit {
                 None => trust(knob.scale, u),
             };
             let [low, high] = [u - most, u + most].map(|u| knob.clamped(u));
-            Bound { low: low - u, high: high - u, leans: -u, weight: if base { LEANING } else { 0.0 } }
+            Bound { low: low - u, high: high - u, leans: -u, weight: if base { CALIBRATED } else { 0.0 } }
         };
         (0..self.u.len()).map(bound).collect()
     }
@@ -194,7 +191,7 @@ impl Fit {
         };
         let of_number = |j: usize| match self.count(j) {
             Some(count) => (self.model.knobs[j].unit / count.deviation()).powi(2),
-            None if j < self.base_knobs() => LEANING,
+            None if j < self.base_knobs() => CALIBRATED,
             None => of_effect(j),
         };
         (0..self.u.len()).map(of_number).collect()

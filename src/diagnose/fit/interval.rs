@@ -1,6 +1,6 @@
 //! What a fitted number may truly be.
 
-use super::fit::LEANING;
+use crate::diagnose::null::known::CALIBRATED;
 use crate::diagnose::sensors::model::Scale;
 
 /// Quantile of Student's law for 95 % intervals: a deviation is known from thirty simulations.
@@ -30,7 +30,7 @@ pub(in crate::diagnose) fn interval(scale: Scale, u: f64, deviation: f64, additi
 
 /// The deviation of a number of the base model by the data alone, of one by the data and what was known of it.
 pub(in crate::diagnose) fn of_data(deviation: f64) -> f64 {
-    (deviation.powi(-2) - LEANING).max(1e-6).powf(-0.5)
+    (deviation.powi(-2) - CALIBRATED).max(1e-6).powf(-0.5)
 }
 
 #[cfg(test)]
@@ -65,7 +65,7 @@ mod tests {
 
     #[test]
     fn what_data_and_knowledge_tell_without_the_knowledge_is_what_data_tell() {
-        assert!((of_data((LEANING + 25.0).powf(-0.5)) - 0.2).abs() < 1e-12);
-        assert!(of_data(LEANING.powf(-0.5)) > 100.0, "nothing by the data");
+        assert!((of_data((CALIBRATED + 25.0).powf(-0.5)) - 0.2).abs() < 1e-12);
+        assert!(of_data(CALIBRATED.powf(-0.5)) > 100.0, "nothing by the data");
     }
 }

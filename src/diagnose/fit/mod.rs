@@ -2,6 +2,7 @@
 
 pub(super) mod by_itself;
 pub(super) mod coupled;
+pub(super) mod draws;
 pub(super) mod fit;
 pub(super) mod interval;
 pub(super) mod likelihood;

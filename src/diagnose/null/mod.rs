@@ -2,6 +2,7 @@
 
 pub(super) mod denoised;
 pub(super) mod derivatives;
+pub(super) mod known;
 pub(super) mod limits;
 pub(super) mod metric;
 pub(super) mod nameable;

@@ -5,10 +5,10 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::derivatives::{base_jacobian, lamp_columns};
+use super::known::CALIBRATED;
 use super::limits::{Clean, Limits};
 use super::metric::{Metric, Noise, noise};
 use super::redraw::{Redrawn, redraw};
-use crate::diagnose::fit::fit::LEANING;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::catalogue::{Candidate, OF_THE_SCENE, candidates};
 use crate::diagnose::sensors::model::{LAMP, Model};
@@ -197,7 +197,7 @@ impl Reference {
 /// Statistics that tell one number follow its chance in one sensor together, the spread of 2,304 gains for one. Where the noise
 /// does not hold all of that, the linear deviations are too small.
 fn missed(metric: &Metric, redrawn: &[Redrawn], mean: &DVector<f64>) -> Vec<f64> {
-    let known = vec![LEANING; metric.directions.ncols()];
+    let known = vec![CALIBRATED; metric.directions.ncols()];
     let fitter = metric.clone().knowing(&known);
     let error = |d: &Redrawn| fitter.fit(&(&d.vector - mean)) - &d.base;
     let errors: Vec<DVector<f64>> = redrawn.iter().map(error).collect();

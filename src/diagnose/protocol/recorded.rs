@@ -2,7 +2,8 @@
 
 use super::still::Still;
 use crate::calibrate::{Light, Scene as Pattern};
-use crate::diagnose::recording::scan::{Look, STEADY};
+use crate::diagnose::recording::scan::Look;
+use crate::diagnose::recording::stretches::STEADY;
 
 /// Rates up to this have all intervals looked at.
 const DIM: f64 = 0.25;

@@ -3,7 +3,8 @@
 use super::recorded::Scene;
 use super::recorded_set::Setup;
 use crate::calibrate::{RecordingSet, observe};
-use crate::diagnose::recording::scan::{Look, PixelScan, Scan, scan};
+use crate::diagnose::recording::pixel::PixelScan;
+use crate::diagnose::recording::scan::{Look, Scan, scan};
 use crate::diagnose::sensors::simulate::Sample;
 use crate::diagnose::statistics::all::Vector;
 use crate::diagnose::statistics::maps::{self, Map};

@@ -7,6 +7,9 @@ use rayon::prelude::*;
 use crate::kernels::{Bits, Shorts, Work, counting_with};
 use crate::spikes::{Geometry, Packed};
 
+/// Runs of pixels that are looked at side by side. A fixed number: sums of parts depend on where they are cut.
+pub(in crate::diagnose) const BANDS: usize = 8;
+
 /// The bits of a recording by pixel: bit `t % 64` of word `t / 64` of a pixel is its readout `t`.
 #[derive(Clone, Debug)]
 pub(in crate::diagnose) struct PixelBits {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::bits::{PixelBits, coincidences, word_at};
-use super::scan::PixelScan;
+use super::pixel::PixelScan;
 use crate::kernels::counting;
 use crate::spikes::Packed;
 

@@ -1,6 +1,7 @@
 //! The intervals of one pixel.
 
-use super::scan::{LAGS, PixelScan};
+use super::pixel::LAGS;
+use super::pixel::PixelScan;
 use crate::kernels::{Bits, Places};
 
 /// Longest interval with a mask of its own in bright light.

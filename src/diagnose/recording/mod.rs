@@ -3,5 +3,6 @@
 pub(super) mod bits;
 pub(super) mod coincidences;
 pub(super) mod intervals;
+pub(super) mod pixel;
 pub(super) mod scan;
 pub(super) mod stretches;

@@ -4,21 +4,16 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::bits::BANDS;
 use super::bits::{PixelBits, count_between, count_blocks};
 use super::coincidences::{neighbours, row_halves, totals};
 use super::intervals::{bright, intervals, times};
+use super::pixel::BLOCKS;
+use super::pixel::PixelScan;
+use super::stretches::SETTLED;
 use super::stretches::{Stretch, stretches};
 use crate::kernels::{Bits, ROOM, SLACK, Shorts, Work, counting_with};
 use crate::spikes::{Geometry, Packed};
-
-/// Blocks of time whose counts are compared.
-pub(in crate::diagnose) const BLOCKS: usize = 8;
-
-/// Runs of pixels that are looked at side by side. A fixed number: sums of parts depend on where they are cut.
-pub(in crate::diagnose) const BANDS: usize = 8;
-
-/// Lags of the phase variance, in intervals.
-pub(in crate::diagnose) const LAGS: [usize; 3] = [1, 4, 16];
 
 /// What a scene makes worth looking at.
 #[derive(Clone, Copy, Debug, Default)]
@@ -29,30 +24,6 @@ pub(in crate::diagnose) struct Look {
     pub rows: bool,
     /// The dark stretches of a square wave of this half period, in readouts.
     pub half_period: Option<usize>,
-}
-
-/// Readouts from an edge on, after which the response counts as steady.
-pub(in crate::diagnose) const STEADY: usize = 300;
-
-/// Readouts after a fall that the first interval in the new light may take.
-pub(in crate::diagnose) const SETTLED: usize = 20;
-
-/// What a pixel did.
-#[derive(Clone, Copy, Debug, Default)]
-pub(in crate::diagnose) struct PixelScan {
-    pub count: u32,
-    /// Spikes per readout: by time from three spikes on, by count below.
-    pub rate: f64,
-    pub blocks: [u32; BLOCKS],
-    /// Phase variance at [`LAGS`] less its quantisation, in thresholds squared; sums over terms.
-    pub variance: [f64; LAGS.len()],
-    pub terms: [f64; LAGS.len()],
-    /// Covariance of intervals one and two apart, in thresholds squared; sums.
-    pub covariance: [f64; 2],
-    /// Spikes from [`SETTLED`] readouts after every fall of the light to its next rise.
-    pub after_falls: u32,
-    /// Intervals off the pixel's lattice: shorter, longer.
-    pub off_lattice: [u32; 2],
 }
 
 /// What a recording holds.

@@ -3,7 +3,11 @@
 //! A camera that loses or repeats readouts does not stop the lamp, and a recording may begin anywhere in a wave: the steps
 //! are not where the protocol has them. Taken from there, one lost readout moved every statistic behind it.
 
-use super::scan::STEADY;
+/// Readouts from an edge on, after which the response counts as steady.
+pub(in crate::diagnose) const STEADY: usize = 300;
+
+/// Readouts after a fall that the first interval in the new light may take.
+pub(in crate::diagnose) const SETTLED: usize = 20;
 
 /// Shortest time from one step to the next in which a response can be seen, in readouts.
 const LEAST: usize = STEADY + 20;

@@ -3,14 +3,15 @@
 use nalgebra::DVector;
 
 use crate::diagnose::fit::by_itself::{Own, roots};
-use crate::diagnose::fit::fit::{Fit, LEANING};
+use crate::diagnose::fit::fit::Fit;
+use crate::diagnose::null::known::CALIBRATED;
 use crate::diagnose::null::metric::Metric;
 use crate::diagnose::null::reference::{Reference, Signature};
 
 impl Reference {
     /// What sensors of the base model show.
     pub(in crate::diagnose) fn own_of_base(&self) -> Own {
-        let known = vec![LEANING; self.model.knobs.len()];
+        let known = vec![CALIBRATED; self.model.knobs.len()];
         let deviations = roots(&self.metric.clone().knowing(&known).covariance());
         Own {
             additive: deviations.clone(),

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::search::Found;
-use crate::diagnose::fit::fit::LEANING;
+use crate::diagnose::null::known::CALIBRATED;
 
 /// By how much the squared distance of the camera's numbers from the fitted ones falls with a number set free for that one to be
 /// contradicted: three and a half deviations of it.
@@ -44,7 +44,7 @@ pub(in crate::diagnose) fn contradicted(
     let told = |j: usize| found.own.deviations[j].max(missed[j]) / linear[(j, j)].sqrt();
     let covariance = DMatrix::from_fn(n, n, |i, j| linear[(i, j)] * told(i) * told(j));
     // That they were calibrated is no evidence against the calibration.
-    let leaning = DMatrix::identity(n, n) * LEANING;
+    let leaning = DMatrix::identity(n, n) * CALIBRATED;
     let Some(precision) = covariance.try_inverse().map(|p| p - leaning) else { return Vec::new() };
     fewest(&precision, &fitted, given)
 }

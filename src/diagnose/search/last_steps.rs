@@ -9,8 +9,9 @@ use nalgebra::DVector;
 
 use super::context::Case;
 use super::search::Found;
-use crate::diagnose::fit::by_itself::MEAN;
-use crate::diagnose::fit::fit::{Fit, LEANING};
+use crate::diagnose::fit::draws::MEAN_SIMULATIONS;
+use crate::diagnose::fit::fit::Fit;
+use crate::diagnose::null::known::CALIBRATED;
 use crate::diagnose::null::metric::Bound;
 use crate::effects::Camera;
 use crate::error::Result;
@@ -63,7 +64,7 @@ impl Case<'_> {
                 break;
             }
             let mut next = at.as_ref().unwrap_or(&found.fit).moved(&step);
-            self.reference.evaluate(&mut next, self.data, MEAN)?;
+            self.reference.evaluate(&mut next, self.data, MEAN_SIMULATIONS)?;
             step = wanted(&next);
             let asked = length(&step, &found.own.deviations);
             if asked >= far {
@@ -90,7 +91,7 @@ fn bounds(fit: &Fit, places: &[f64]) -> Vec<Bound> {
         let (knob, u, size) = (fit.model.knobs[j], fit.u[j], 1.0 + place);
         let most = TRUST * size.max(1.0);
         let [low, high] = [u - most, u + most].map(|u| knob.clamped(u) - fit.u[j]);
-        bounds[j] = Bound { low, high, leans: place - u, weight: LEANING / (size * size) };
+        bounds[j] = Bound { low, high, leans: place - u, weight: CALIBRATED / (size * size) };
     }
     bounds
 }

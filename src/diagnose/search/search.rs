@@ -4,9 +4,9 @@ use nalgebra::DVector;
 
 use super::context::{Case, Judged};
 use super::round::Round;
-use super::tournament::SOME;
 use crate::diagnose::answer::diagnosis::Fate;
 use crate::diagnose::fit::by_itself::Own;
+use crate::diagnose::fit::draws::SOME_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::null::reference::{Progress, Reference, Signature};
 use crate::error::Result;
@@ -154,7 +154,7 @@ impl Reference {
             if !far {
                 break;
             }
-            let mut next = self.refine(fit.moved(&moved), data, 2, 2 * SOME)?;
+            let mut next = self.refine(fit.moved(&moved), data, 2, 2 * SOME_SIMULATIONS)?;
             if next.cost > fit.cost {
                 break;
             }

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::round::{Entrant, Round};
 use crate::diagnose::answer::diagnosis::Fate;
 use crate::diagnose::fit::by_itself::Own;
+use crate::diagnose::fit::draws::MOST_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::fit::price::Priced;
 use crate::diagnose::null::metric::Metric;
@@ -37,29 +38,8 @@ const PROMISING: f64 = 0.35;
 /// held-out set judges what it is.
 const ENTERING: f64 = 20.0;
 
-/// Simulations of a mean: in the tournament, and in its second leg or where sets differ more than clean ones do.
-const FEW: usize = 2;
-pub(in crate::diagnose) const SOME: usize = 6;
-
-/// Simulations where the front is nearer than its draws tell apart, and the deviation of a price from which on they are made: of the four
-/// that any two models may differ by, half.
-pub(in crate::diagnose) const FINISH: usize = 24;
+/// Deviation of a price from which on more simulations are made of the front: of the four that any two models may differ by, half.
 const UNSURE: f64 = 2.0;
-
-/// Logarithm of a noise's determinant over the null's from which on two simulations say little: as of ten statistics with twice the deviation.
-const NOISY: f64 = 14.0;
-
-impl Fit {
-    /// Simulations of a mean in a tournament, and in its second leg. Beside lost readouts two of them raised a cost of 1,000 to 2,500, and
-    /// the names were ranked by their draws.
-    pub(in crate::diagnose) fn draws(&self) -> [usize; 2] {
-        if self.is_noisy() { [SOME, 2 * SOME] } else { [FEW, SOME] }
-    }
-
-    pub(in crate::diagnose) fn is_noisy(&self) -> bool {
-        self.noise_of_its_own() > NOISY
-    }
-}
 
 impl Reference {
     /// The best candidate for what is left, fitted together with everything accepted before.
@@ -129,7 +109,7 @@ impl Reference {
                 return Ok(f);
             }
             let mut fit = f.fit;
-            self.evaluate(&mut fit, data, FINISH)?;
+            self.evaluate(&mut fit, data, MOST_SIMULATIONS)?;
             Ok(self.priced(fit, data))
         };
         let mut front = front.into_par_iter().zip(open).map(more).collect::<Result<Vec<_>>>()?;

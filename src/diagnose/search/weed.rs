@@ -7,9 +7,11 @@ use rayon::prelude::*;
 use super::context::{Case, Judged};
 use super::round::{Entrant, Round, kept_mut};
 use super::search::REMAINDER;
-use super::tournament::{FINISH, NEAR, ROUNDS_BESIDE, SOME, cheaper, last};
+use super::tournament::{NEAR, ROUNDS_BESIDE, cheaper, last};
 use crate::diagnose::answer::diagnosis::Fate;
-use crate::diagnose::fit::by_itself::MEAN;
+use crate::diagnose::fit::draws::MEAN_SIMULATIONS;
+use crate::diagnose::fit::draws::MOST_SIMULATIONS;
+use crate::diagnose::fit::draws::SOME_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::fit::price::Priced;
 use crate::diagnose::null::metric::Metric;
@@ -32,7 +34,7 @@ const OTHERS: usize = 4;
 
 /// Simulations of a mean where a model's own noise is strong, in both legs. What that noise is must be known from them as well: `partial_reset`
 /// beside strong `row_noise` cost 460 with six of them and 360 with 24, three likenesses 361 to 373 with 24.
-const OF_NOISY: [usize; 2] = [FINISH / 2, FINISH];
+const OF_NOISY: [usize; 2] = [MOST_SIMULATIONS / 2, MOST_SIMULATIONS];
 
 /// Rounds after which another name must explain half of what the name in whose place it stands does.
 const ROUNDS_TO_ENTER: usize = 2;
@@ -111,8 +113,8 @@ impl Case<'_> {
     fn refitted_without(&self, fit: &Fit, place: usize, metric: &Metric) -> Result<Fit> {
         let starts = [fit.without(place), fit.without_and_moved(place, metric)];
         let refit = |start: Fit| -> Result<Fit> {
-            let mut fit = self.reference.refine(start, self.data, ROUNDS_BESIDE[0], SOME)?;
-            self.reference.evaluate(&mut fit, self.data, MEAN)?;
+            let mut fit = self.reference.refine(start, self.data, ROUNDS_BESIDE[0], SOME_SIMULATIONS)?;
+            self.reference.evaluate(&mut fit, self.data, MEAN_SIMULATIONS)?;
             Ok(fit)
         };
         let [stayed, moved] = starts.map(refit);

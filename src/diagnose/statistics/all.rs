@@ -6,7 +6,10 @@ use super::quantiles::Spread;
 use super::readouts;
 use super::steps;
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::diagnose::recording::scan::{BLOCKS, LAGS, Scan};
+use crate::diagnose::recording::pixel::BLOCKS;
+use crate::diagnose::recording::pixel::LAGS;
+use crate::diagnose::recording::pixel::PixelScan;
+use crate::diagnose::recording::scan::Scan;
 
 /// One entry of the vector.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,7 +115,7 @@ fn intervals(v: &mut Vector, k: usize, scan: &Scan, dim: bool) {
 /// Blocks of time against each other.
 fn stability(v: &mut Vector, k: usize, scan: &Scan) {
     let n = scan.pixels.len() as f64;
-    let half = |p: &crate::diagnose::recording::scan::PixelScan, second: bool| -> f64 {
+    let half = |p: &PixelScan, second: bool| -> f64 {
         let part = if second { &p.blocks[BLOCKS / 2..] } else { &p.blocks[..BLOCKS / 2] };
         part.iter().map(|c| f64::from(*c)).sum()
     };

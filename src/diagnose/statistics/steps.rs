@@ -6,7 +6,8 @@ use super::maps::Map;
 use super::quantiles::Spread;
 use crate::calibrate::{Light, Scene as Pattern};
 use crate::diagnose::protocol::recorded::Scene;
-use crate::diagnose::recording::scan::{STEADY, Scan, dark_windows};
+use crate::diagnose::recording::scan::{Scan, dark_windows};
+use crate::diagnose::recording::stretches::STEADY;
 use crate::diagnose::recording::stretches::Stretch;
 
 /// Windows after an edge, in readouts.
