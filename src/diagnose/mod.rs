@@ -30,7 +30,7 @@ pub use protocol::recorded::Scene;
 pub use protocol::recorded_set::Setup;
 pub use protocol::still::Still;
 pub use run::{Options, diagnose};
-pub use statistics::all::Statistic;
+pub use statistics::entry::Statistic;
 
 use crate::effects::Camera;
 use crate::error::Result;
@@ -40,5 +40,5 @@ use crate::error::Result;
 /// # Errors
 /// Never, in practice: the model is built in.
 pub fn published(setup: &Setup) -> Result<Camera> {
-    sensors::model::published(setup)
+    sensors::published::published(setup)
 }

@@ -7,7 +7,8 @@ use crate::diagnose::null::reference::Reference;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::recording::scan::Scan;
 use crate::diagnose::sensors::model::Model;
-use crate::diagnose::sensors::simulate::Sample;
+use crate::diagnose::sensors::sample::Sample;
+use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::lines::lines;
 use crate::diagnose::statistics::readouts::power;
 use crate::error::Result;
@@ -61,7 +62,7 @@ pub(in crate::diagnose) fn pictures(
     let data = picture(setup, scans, |k| setup.read(set, k))?;
     let simulated = |sample: &Sample| {
         let seed = reference.seed + 90_000;
-        picture(setup, &setup.simulate(sample, seed)?, |k| setup.bits(sample, k, seed))
+        picture(setup, &simulate::scans(setup, sample, seed)?, |k| simulate::bits(setup, sample, k, seed))
     };
     let range = range(reference, &model)?;
     let after = Picture { range, ..simulated(&model)? };
@@ -82,7 +83,7 @@ fn range(reference: &Reference, sample: &Sample) -> Result<Option<[Points; 2]>> 
     let setup = &reference.setup;
     let Some(k) = middle(setup) else { return Ok(None) };
     let spectrum = |i: usize| {
-        let scan = setup.scene(sample, k, reference.seed + 91_000 + i as u64)?;
+        let scan = simulate::scan_of_recording(setup, sample, k, reference.seed + 91_000 + i as u64)?;
         Ok(smooth(&scan.totals, setup.readout_hz))
     };
     let all = (0..FURTHER).into_par_iter().map(spectrum).collect::<Result<Vec<_>>>()?;

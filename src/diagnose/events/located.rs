@@ -7,22 +7,18 @@
 use std::sync::Arc;
 
 use super::lost_readouts::{completed, lost, periods};
+use super::places::EVENTS;
+use super::places::Places;
+use super::places::kind;
 use super::repeated::repeated;
 use crate::diagnose::protocol::recorded::Scene;
 use crate::diagnose::recording::bits::PixelBits;
 use crate::diagnose::recording::scan::Scan;
 use crate::spikes::Packed;
 
-/// Effects that happen to whole readouts, by a probability for each.
-pub(in crate::diagnose) const EVENTS: [&str; 2] = ["dropped_readouts", "repeated_readouts"];
-
 /// Events from which on the name is tried whatever its signature promises, and those that are said one by one.
 const SEVERAL: usize = 3;
 const SAID: usize = 4;
-
-/// Where they are in a recording, in the order of [`EVENTS`]; `None` where they cannot be told. A lost readout is said by the
-/// first one behind it.
-pub(in crate::diagnose) type Places = [Option<Vec<usize>>; EVENTS.len()];
 
 /// Those of a recording.
 pub(in crate::diagnose) fn places(
@@ -90,11 +86,6 @@ pub(in crate::diagnose) struct Events {
     pub fitted: Arc<Located>,
     pub judging: Arc<Located>,
     counts: [Count; EVENTS.len()],
-}
-
-/// The place of an effect that happens to whole readouts in [`EVENTS`].
-pub(in crate::diagnose) fn kind(name: &str) -> Option<usize> {
-    EVENTS.iter().position(|e| *e == name)
 }
 
 impl Events {

@@ -3,4 +3,5 @@
 pub(super) mod located;
 pub(super) mod lost_readouts;
 pub(super) mod missing_spikes;
+pub(super) mod places;
 pub(super) mod repeated;

@@ -50,9 +50,9 @@ fn again(frames: Packed<'_>, bits: &PixelBits, scan: &Scan, light: &[Range<usize
 
 #[cfg(test)]
 mod tests {
+    use super::super::places::put_in;
     use super::*;
     use crate::diagnose::recording::scan::{Look, scan};
-    use crate::diagnose::sensors::fixed::put_in;
     use crate::spikes::{Geometry, set_bit};
 
     /// 16x16 pixels of which the first eight never fire, and every `period`-th of the others at each readout.

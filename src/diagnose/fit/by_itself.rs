@@ -9,8 +9,10 @@ use super::fit::{Fit, trust};
 use super::slopes::Secant;
 use crate::diagnose::null::limits::{Limits, centre, gamma_limit};
 use crate::diagnose::null::metric::Metric;
-use crate::diagnose::null::reference::{Reference, Signature};
+use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::signature::Signature;
 use crate::diagnose::sensors::model::LAMP;
+use crate::diagnose::sensors::simulate;
 use crate::draws::pattern::Pattern;
 use crate::draws::{Seeds, Stream};
 use crate::error::Result;
@@ -100,7 +102,7 @@ impl Reference {
             let u: Vec<f64> = (0..n).map(place).collect();
             let sample = fit.model.sample(&u, off.as_slice(), self.setup.scenes.len())?;
             let moved = DVector::from_fn(n, |j, _| u[j] - fit.u[j]);
-            Ok(Redrawn { moved, vector: DVector::from_vec(self.setup.values(&sample, seed)?) })
+            Ok(Redrawn { moved, vector: DVector::from_vec(simulate::values(&self.setup, &sample, seed)?) })
         };
         (0..MANY).into_par_iter().map(one).collect()
     }

@@ -11,7 +11,8 @@ use rayon::prelude::*;
 use super::fit::Fit;
 use crate::diagnose::null::denoised::quiet;
 use crate::diagnose::null::derivatives::step;
-use crate::diagnose::null::reference::{Reference, average};
+use crate::diagnose::null::mean::average;
+use crate::diagnose::null::reference::Reference;
 use crate::error::Result;
 
 const COUPLING: [&str; 1] = ["gain_dark_correlation"];

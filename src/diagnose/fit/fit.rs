@@ -4,12 +4,16 @@ use nalgebra::{DMatrix, DVector};
 
 use super::likelihood::Likelihood;
 use super::slopes::Taken;
+use crate::diagnose::events::located::Count;
 use crate::diagnose::events::located::Events;
 use crate::diagnose::null::known::CALIBRATED;
 use crate::diagnose::null::metric::{Bound, Metric};
-use crate::diagnose::null::reference::{Reference, Signature};
+use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::signature::Signature;
 use crate::diagnose::sensors::catalogue::{Candidate, SETTING_IN};
-use crate::diagnose::sensors::model::{Model, Scale};
+use crate::diagnose::sensors::fixed::Pinned;
+use crate::diagnose::sensors::knob::Scale;
+use crate::diagnose::sensors::model::Model;
 use crate::error::Result;
 
 /// A model with effects, fitted.
@@ -247,5 +251,35 @@ impl Reference {
         fit.likelihood = self.likelihood(fit)?;
         fit.cost = fit.likelihood.deviance(&off);
         Ok(())
+    }
+}
+
+impl Fit {
+    /// Has lost and repeated readouts that are its effects' where the fitted set has them, as often as the sets at hand do.
+    pub fn pin(&mut self) {
+        self.model.pinned = Pinned::new(&self.located.fitted, self.effects.iter().map(|e| e.0));
+        for e in 0..self.effects.len() {
+            let j = self.knobs_of(e).start;
+            if let Some(count) = self.count(j) {
+                let knob = self.model.knobs[j];
+                self.u[j] = knob.clamped(knob.position(count.rate()));
+            }
+        }
+    }
+
+    /// Its model with the lost and repeated readouts of the set that judges.
+    pub fn judging(&self) -> Model {
+        Model { pinned: self.model.pinned.of(&self.located.judging), ..self.model.clone() }
+    }
+
+    /// How many events a number is the probability of, where they are located: then no fit moves it.
+    pub fn count(&self, j: usize) -> Option<Count> {
+        let knob = self.model.knobs[j];
+        (j >= self.base_knobs()).then(|| self.located.of(knob.effect)).flatten()
+    }
+
+    /// Whether a signature is of an effect that the sets at hand can have.
+    pub fn allows(&self, signature: &Signature) -> bool {
+        self.located.allow(signature.candidate.name)
     }
 }

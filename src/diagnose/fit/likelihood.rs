@@ -3,8 +3,9 @@
 use nalgebra::DVector;
 
 use super::fit::Fit;
+use crate::diagnose::null::mean::average;
 use crate::diagnose::null::metric::{Metric, Noise};
-use crate::diagnose::null::reference::{Reference, average};
+use crate::diagnose::null::reference::Reference;
 use crate::error::Result;
 
 /// Simulations that the null's variances count for beside a model's own few.

@@ -8,7 +8,8 @@
 use nalgebra::DVector;
 
 use super::fit::Fit;
-use crate::diagnose::null::reference::{Reference, average};
+use crate::diagnose::null::mean::average;
+use crate::diagnose::null::reference::Reference;
 
 /// A fit and what it costs, less what its draws add.
 #[derive(Clone, Debug)]

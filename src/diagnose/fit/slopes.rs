@@ -5,8 +5,9 @@ use rayon::prelude::*;
 
 use super::fit::Fit;
 use crate::diagnose::null::denoised::quiet;
-use crate::diagnose::null::reference::{Reference, average};
-use crate::diagnose::sensors::model::Scale;
+use crate::diagnose::null::mean::average;
+use crate::diagnose::null::reference::Reference;
+use crate::diagnose::sensors::knob::Scale;
 use crate::error::Result;
 
 /// Deviations of its noise, at worst, from which on a change is one, and simulations that can show it.

@@ -6,10 +6,11 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::fit::Fit;
-use crate::diagnose::events::located::kind;
+use crate::diagnose::events::places::kind;
 use crate::diagnose::null::denoised::quiet;
+use crate::diagnose::null::mean::average;
 use crate::diagnose::null::metric::Metric;
-use crate::diagnose::null::reference::{Reference, average};
+use crate::diagnose::null::reference::Reference;
 use crate::error::Result;
 
 /// Pairs of simulations that tell what an event moves.

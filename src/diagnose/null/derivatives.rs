@@ -4,9 +4,11 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::denoised::quiet;
-use super::reference::average;
+use super::mean::average;
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::diagnose::sensors::model::{Knob, LAMP, Model};
+use crate::diagnose::sensors::knob::Knob;
+use crate::diagnose::sensors::model::{LAMP, Model};
+use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::all::vector;
 use crate::error::Result;
 
@@ -51,7 +53,7 @@ pub(in crate::diagnose) fn base_jacobian(
         u[j] = step(&model.knobs[j]);
         let sample = model.sample(&u, &[], setup.scenes.len())?;
         let change = |i: usize| -> Result<DVector<f64>> {
-            Ok(DVector::from_vec(setup.values(&sample, seed + i as u64)?) - &baseline[i])
+            Ok(DVector::from_vec(simulate::values(setup, &sample, seed + i as u64)?) - &baseline[i])
         };
         let all = (0..pairs(setup)).into_par_iter().map(change).collect::<Result<Vec<_>>>()?;
         Ok(quiet(average(&all), spread, all.len()) / u[j])
@@ -73,13 +75,16 @@ pub(in crate::diagnose) fn lamp_columns(
     }
     let step = 3.0;
     let change = |i: usize| -> Result<Vec<DVector<f64>>> {
-        let mut scans = setup.simulate(&still, seed + i as u64)?;
+        let mut scans = simulate::scans(setup, &still, seed + i as u64)?;
         let plain = DVector::from_vec(vector(setup, &scans).values);
         let mut columns = Vec::new();
         for k in &model.lamps {
             let mut moved = still.clone();
             moved.lamps[*k] = 1.0 + step * LAMP;
-            let own = std::mem::replace(&mut scans[*k], setup.scene(&moved, *k, seed + i as u64)?);
+            let own = std::mem::replace(
+                &mut scans[*k],
+                simulate::scan_of_recording(setup, &moved, *k, seed + i as u64)?,
+            );
             columns.push((DVector::from_vec(vector(setup, &scans).values) - &plain) / step);
             scans[*k] = own;
         }

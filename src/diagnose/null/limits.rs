@@ -5,7 +5,8 @@ use rayon::prelude::*;
 
 use super::metric::{Metric, noise};
 use super::redraw::Redrawn;
-use super::reference::{Reference, Signature};
+use super::reference::Reference;
+use super::signature::Signature;
 use crate::error::Result;
 
 /// Parts of the null that are judged by the rest of it.

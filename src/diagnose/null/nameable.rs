@@ -1,8 +1,9 @@
 //! How strong an effect must be on a set before it can be named.
 
-use super::reference::{Reference, Signature};
-use crate::diagnose::events::located::EVENTS;
-use crate::diagnose::sensors::model::Scale;
+use super::reference::Reference;
+use super::signature::Signature;
+use super::signature::reach;
+use crate::diagnose::events::places::EVENTS;
 use crate::error::Result;
 
 /// Efficient score at which an effect counts as nameable.
@@ -156,15 +157,4 @@ impl Reference {
     fn product(&self, a: &Signature, b: &Signature) -> f64 {
         0.5 * (self.metric.dual(&a.each[0]).dot(&b.each[1]) + self.metric.dual(&a.each[1]).dot(&b.each[0]))
     }
-}
-
-/// How much further than tried the amplitude can go.
-pub(in crate::diagnose) fn reach(s: &Signature) -> f64 {
-    let (knob, u) = (s.candidate.knobs[0], s.candidate.at[0]);
-    let most = knob.position(if u * knob.unit < 0.0 && knob.scale == Scale::Linear {
-        knob.range.0
-    } else {
-        knob.range.1
-    });
-    (most / u).abs().max(1.0)
 }

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::metric::Metric;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::model::{LAMP, Model};
+use crate::diagnose::sensors::simulate;
 use crate::draws::pattern::Pattern;
 use crate::draws::{Seeds, Stream};
 use crate::error::Result;
@@ -36,7 +37,7 @@ pub(in crate::diagnose) fn redraw(
         let base = &root * draw(n);
         let lamps = draw(model.lamps.len()) * LAMP;
         let sample = model.sample(base.as_slice(), lamps.as_slice(), setup.scenes.len())?;
-        let vector = DVector::from_vec(setup.values(&sample, own)?);
+        let vector = DVector::from_vec(simulate::values(setup, &sample, own)?);
         Ok(Redrawn { base, lamps, vector })
     };
     (0..REDRAWN).into_par_iter().map(one).collect()

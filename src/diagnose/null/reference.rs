@@ -7,13 +7,16 @@ use rayon::prelude::*;
 use super::derivatives::{base_jacobian, lamp_columns};
 use super::known::CALIBRATED;
 use super::limits::{Clean, Limits};
+use super::mean::average;
 use super::metric::{Metric, Noise, noise};
 use super::redraw::{Redrawn, redraw};
+use super::signature::Signature;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::catalogue::{Candidate, OF_THE_SCENE, candidates};
 use crate::diagnose::sensors::model::{LAMP, Model};
 use crate::diagnose::sensors::remembered::Remembered;
-use crate::diagnose::statistics::all::Statistic;
+use crate::diagnose::sensors::simulate;
+use crate::diagnose::statistics::entry::Statistic;
 use crate::effects::Camera;
 use crate::error::Result;
 
@@ -25,15 +28,6 @@ const HALVES: usize = 24;
 
 /// Simulations of a candidate's signature.
 const SIGNATURE: usize = 2;
-
-/// How a candidate shows at one position.
-#[derive(Clone, Debug)]
-pub(in crate::diagnose) struct Signature {
-    pub candidate: Candidate,
-    /// Change of the vector, mean and of each simulation.
-    pub mean: DVector<f64>,
-    pub each: Vec<DVector<f64>>,
-}
 
 /// Sensors of one kind under one protocol; it serves for every set recorded by that protocol.
 #[derive(Clone, Debug)]
@@ -76,8 +70,8 @@ impl Reference {
         let scenes = setup.scenes.len();
         let still = model.sample(&[], &[], scenes)?;
         progress("null", 0.0);
-        let statistics = setup.statistics(&still, seed)?;
-        let vector = |i: usize| Ok(DVector::from_vec(setup.values(&still, seed + i as u64)?));
+        let statistics = simulate::statistics(&setup, &still, seed)?;
+        let vector = |i: usize| Ok(DVector::from_vec(simulate::values(&setup, &still, seed + i as u64)?));
         let baseline: Vec<DVector<f64>> = (0..FIXED).into_par_iter().map(vector).collect::<Result<_>>()?;
         let mean = average(&baseline);
         progress("null", 0.3);
@@ -142,7 +136,7 @@ impl Reference {
         let u = [zero.as_slice(), &candidate.at].concat();
         let sample = model.sample(&u, &[], self.setup.scenes.len())?;
         let one = |i: usize| {
-            let values = self.setup.values(&sample, self.seed + i as u64)?;
+            let values = simulate::values(&self.setup, &sample, self.seed + i as u64)?;
             Ok(DVector::from_vec(values) - &self.baseline[i])
         };
         let each = (0..SIGNATURE).into_par_iter().map(one).collect::<Result<Vec<_>>>()?;
@@ -159,7 +153,8 @@ impl Reference {
         known: Vec<DVector<f64>>,
     ) -> Result<Means> {
         let sample = model.sample(u, &[], self.setup.scenes.len())?;
-        let simulate = |i: usize| Ok(DVector::from_vec(self.setup.values(&sample, self.seed + i as u64)?));
+        let simulate =
+            |i: usize| Ok(DVector::from_vec(simulate::values(&self.setup, &sample, self.seed + i as u64)?));
         let one = |i: usize| self.remembered.or(&sample, i, || simulate(i));
         let mut each = known;
         let more = (each.len()..count.min(FIXED)).into_par_iter().map(one);
@@ -175,7 +170,7 @@ impl Reference {
         u: &[f64],
     ) -> Result<DVector<f64>> {
         let sample = model.sample(u, &[], setup.scenes.len())?;
-        let one = |i: usize| Ok(DVector::from_vec(setup.values(&sample, self.seed + i as u64)?));
+        let one = |i: usize| Ok(DVector::from_vec(simulate::values(setup, &sample, self.seed + i as u64)?));
         Ok(average(&(0..HALVES).into_par_iter().map(one).collect::<Result<Vec<_>>>()?))
     }
 
@@ -209,10 +204,4 @@ fn missed(metric: &Metric, redrawn: &[Redrawn], mean: &DVector<f64>) -> Vec<f64>
 pub(in crate::diagnose) struct Means {
     pub mean: DVector<f64>,
     pub each: Vec<DVector<f64>>,
-}
-
-pub(in crate::diagnose) fn average(vectors: &[DVector<f64>]) -> DVector<f64> {
-    let mut sum = vectors[0].clone();
-    vectors[1..].iter().for_each(|v| sum += v);
-    sum / vectors.len() as f64
 }

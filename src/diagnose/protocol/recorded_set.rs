@@ -2,14 +2,10 @@
 
 use super::extent::{Extent, Part, cut};
 use super::recorded::Scene;
-use super::still::{self, Still};
+use super::still::Still;
 use crate::calibrate::{Light, Recording, RecordingSet, Scene as Pattern};
-use crate::diagnose::events::located::{Located, places};
-use crate::diagnose::recording::bits::PixelBits;
-use crate::diagnose::recording::scan::{Scan, scan_turned};
-use crate::diagnose::statistics::all::vector;
 use crate::error::{Error, Kind, Result};
-use crate::spikes::{Geometry, Packed};
+use crate::spikes::Geometry;
 
 /// Fewest readouts of a recording that can be judged.
 const FEWEST: usize = 256;
@@ -32,14 +28,6 @@ pub struct Setup {
     pub band: Option<(usize, usize)>,
     /// Fewest and most readouts that are judged of the recordings that have more.
     pub first_readouts: Option<[usize; 2]>,
-}
-
-/// A measured set: its vector of statistics and the scans that it comes from.
-#[derive(Clone, Debug)]
-pub(in crate::diagnose) struct Measured {
-    pub scans: Vec<Scan>,
-    pub values: Vec<f64>,
-    pub located: Located,
 }
 
 impl Setup {
@@ -104,34 +92,17 @@ impl Setup {
         Ok(self)
     }
 
-    /// Reads and measures the recordings.
-    pub(in crate::diagnose) fn measure(&self, set: &RecordingSet) -> Result<Measured> {
-        if self.maps {
-            let values = still::measured_maps(self, set)?;
-            return Ok(Measured { scans: Vec::new(), values, located: Located::default() });
-        }
-        let (mut scans, mut located) = (Vec::new(), Vec::new());
-        for (scene, recording) in self.scenes.iter().zip(&set.recordings) {
-            let bytes = self.part(set, recording, scene)?;
-            let frames = Packed::new(self.geometry, &bytes)?;
-            let bits = PixelBits::new(frames);
-            let mut found = scan_turned(frames, &bits, scene.look());
-            if let Some(still) = &scene.still {
-                still.keep(&mut found);
-            }
-            located.push(places(frames, &bits, &found, scene));
-            scans.push(found);
-        }
-        let values = vector(self, &scans).values;
-        Ok(Measured { scans, values, located: Located(located) })
-    }
-
     /// The bits of a recording, as far as they are looked at.
     pub(in crate::diagnose) fn read(&self, set: &RecordingSet, k: usize) -> Result<Vec<u8>> {
         self.part(set, &set.recordings[k], &self.scenes[k])
     }
 
-    fn part(&self, set: &RecordingSet, recording: &Recording, scene: &Scene) -> Result<Vec<u8>> {
+    pub(in crate::diagnose) fn part(
+        &self,
+        set: &RecordingSet,
+        recording: &Recording,
+        scene: &Scene,
+    ) -> Result<Vec<u8>> {
         let reader = set.reader(recording)?;
         let whole = reader.geometry().frame_bytes();
         let mut bytes = vec![0; scene.readouts * whole];

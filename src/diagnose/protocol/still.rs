@@ -1,24 +1,11 @@
-//! Recordings of which only the rates are known: a static scene, or maps of rates.
+//! A static scene of which only the rates are known.
 
-use super::recorded::Scene;
-use super::recorded_set::Setup;
-use crate::calibrate::{RecordingSet, observe};
 use crate::diagnose::recording::pixel::PixelScan;
 use crate::diagnose::recording::scan::{Look, Scan, scan};
-use crate::diagnose::sensors::simulate::Sample;
-use crate::diagnose::statistics::all::Vector;
-use crate::diagnose::statistics::maps::{self, Map};
-use crate::draws::Seeds;
-use crate::effects::{Camera, find};
 use crate::error::{Error, Kind, Result};
 use crate::formats::Reader;
 use crate::measure::select_smooth;
-use crate::plan::Plan;
-use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::Packed;
-
-/// Readouts before the recording, in which models that start in step lose it.
-const LEAD: usize = 200;
 
 /// Radius of the neighbourhood whose mean stands for the scene.
 const SURFACE: usize = 2;
@@ -32,7 +19,7 @@ pub struct Still {
     /// Rate of every pixel, in spikes per readout.
     rates: Vec<f64>,
     /// Means of the pixels around each: the scene without the pixels' own pattern.
-    surface: Vec<f64>,
+    pub(in crate::diagnose) surface: Vec<f64>,
     /// Pixels in even surroundings whose halves agree.
     even: Vec<usize>,
     /// Mean rate of those.
@@ -100,55 +87,4 @@ impl Still {
         let mut steps: Vec<f64> = pairs.map(|w| (rate(w[1]) - rate(w[0])).abs()).collect();
         if steps.is_empty() { 0.0 } else { 1.4826 * crate::measure::median(&mut steps) / self.mean }
     }
-
-    /// The model in front of the scene's surface: the measured rates without what pixels side by side differ by.
-    pub(in crate::diagnose) fn simulate(&self, camera: Camera, seeds: Seeds, scene: &Scene) -> Result<Scan> {
-        let geometry = camera.sensor.geometry;
-        // Nobody knows where in their cycle the pixels were when the recording began.
-        let camera = camera.with(find("start_phase")?.neutral().with("share", 1.0)?);
-        let light = |rate: &f64| {
-            let light = camera.operating(*rate).light;
-            if light.is_finite() { light.clamp(0.0, 1.0) as f32 } else { 0.0 }
-        };
-        let samples: Vec<f32> = self.surface.iter().map(light).collect();
-        let mut simulator = Simulator::of_plan(Plan::with_light(&camera, seeds, 1.0)?);
-        let mut bits = vec![0; LEAD * geometry.frame_bytes()];
-        simulator.push(FrameRef::f32(&samples, geometry), &mut bits)?;
-        bits.resize(scene.readouts * geometry.frame_bytes(), 0);
-        simulator.push(FrameRef::f32(&samples, geometry), &mut bits)?;
-        let mut found = scan(Packed::new(geometry, &bits)?, Look { dim: scene.dim(), ..Look::default() });
-        self.keep(&mut found);
-        Ok(found)
-    }
-}
-
-/// Statistics of measured rate maps: the darkest and the brightest of them.
-pub(in crate::diagnose) fn measured_maps(setup: &Setup, set: &RecordingSet) -> Result<Vec<f64>> {
-    let observed = observe(set, &mut |_, _| {})?;
-    let (Some(dark), Some(bright)) = (observed.levels.first(), observed.levels.last()) else {
-        return Err(Error::new(Kind::Input, "rate maps")
-            .found("none")
-            .expected("one in the dark and one lit"));
-    };
-    let step = bright.light - dark.light;
-    let gain: Vec<f64> = bright.rate.iter().zip(&dark.rate).map(|(b, d)| (b - d) / step).collect();
-    Ok(of_lines(&gain, &dark.rate, setup).values)
-}
-
-/// Statistics of the maps that a camera's fixed pattern gives.
-pub(in crate::diagnose) fn simulated_maps(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vector> {
-    let mut camera = sample.camera.clone();
-    camera.sensor.geometry = setup.geometry;
-    camera.sensor.readout_hz = setup.readout_hz;
-    let model = camera.model(Seeds { camera: seed, shot: 0, sequence: 0 })?;
-    let laws = (0..setup.geometry.pixels()).map(|p| model.law(p));
-    let (gain, dark): (Vec<f64>, Vec<f64>) =
-        laws.map(|l| (l.gain / l.threshold, l.dark / l.threshold)).unzip();
-    Ok(of_lines(&gain, &dark, setup))
-}
-
-fn of_lines(gain: &[f64], dark: &[f64], setup: &Setup) -> Vector {
-    let mut v = Vector { statistics: Vec::new(), values: Vec::new() };
-    maps::of_lines(&mut v, &Map::new(gain), &Map::new(dark), setup.geometry.width());
-    v
 }

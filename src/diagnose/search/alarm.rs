@@ -6,7 +6,8 @@ use crate::diagnose::fit::by_itself::{Own, roots};
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::null::known::CALIBRATED;
 use crate::diagnose::null::metric::Metric;
-use crate::diagnose::null::reference::{Reference, Signature};
+use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::signature::Signature;
 
 impl Reference {
     /// What sensors of the base model show.

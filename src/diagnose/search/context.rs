@@ -5,7 +5,8 @@ use nalgebra::DVector;
 use crate::diagnose::events::located::Events;
 use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::fit::Fit;
-use crate::diagnose::null::reference::{Reference, Signature};
+use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::signature::Signature;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::error::Result;
 

@@ -4,9 +4,10 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::diagnose::null::derivatives::{base_jacobian, pairs};
-use crate::diagnose::null::reference::average;
+use crate::diagnose::null::mean::average;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::model::Model;
+use crate::diagnose::sensors::simulate;
 use crate::effects::Camera;
 use crate::error::Result;
 
@@ -78,13 +79,13 @@ impl Place {
     fn of(setup: &Setup, camera: Camera, data: &DVector<f64>, seed: u64) -> Result<Self> {
         let model = Model::base(camera, setup);
         let still = model.sample(&[], &[], setup.scenes.len())?;
-        let one = |i: usize| Ok(DVector::from_vec(setup.values(&still, seed + i as u64)?));
+        let one = |i: usize| Ok(DVector::from_vec(simulate::values(setup, &still, seed + i as u64)?));
         let count = MEAN.max(pairs(setup));
         let each: Vec<DVector<f64>> = (0..count).into_par_iter().map(one).collect::<Result<_>>()?;
         let mean = average(&each);
         let square = |j: usize| each.iter().map(|v| (v[j] - mean[j]).powi(2)).sum::<f64>();
         let spread: Vec<f64> = (0..mean.len()).map(|j| (square(j) / (count - 1) as f64).sqrt()).collect();
-        let floors = setup.statistics(&still, seed)?;
+        let floors = simulate::statistics(setup, &still, seed)?;
         let sd: Vec<f64> = spread.iter().zip(&floors).map(|(s, f)| s.hypot(f.floor)).collect();
         let z = DVector::from_fn(mean.len(), |j, _| (data[j] - mean[j]) / sd[j]);
         let huber = |z: &f64| if z.abs() < USUAL { z * z } else { USUAL * (2.0 * z.abs() - USUAL) };

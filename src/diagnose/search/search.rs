@@ -8,7 +8,8 @@ use crate::diagnose::answer::diagnosis::Fate;
 use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::draws::SOME_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
-use crate::diagnose::null::reference::{Progress, Reference, Signature};
+use crate::diagnose::null::reference::{Progress, Reference};
+use crate::diagnose::null::signature::Signature;
 use crate::error::Result;
 
 /// Most effects that are added.

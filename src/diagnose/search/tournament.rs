@@ -10,8 +10,9 @@ use crate::diagnose::fit::draws::MOST_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::fit::price::Priced;
 use crate::diagnose::null::metric::Metric;
-use crate::diagnose::null::nameable::reach;
-use crate::diagnose::null::reference::{Reference, Signature};
+use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::signature::Signature;
+use crate::diagnose::null::signature::reach;
 use crate::error::Result;
 
 /// Furthest that a signature is stretched: beyond, another one of the same effect is nearer.

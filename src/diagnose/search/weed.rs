@@ -15,7 +15,7 @@ use crate::diagnose::fit::draws::SOME_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::fit::price::Priced;
 use crate::diagnose::null::metric::Metric;
-use crate::diagnose::null::reference::Signature;
+use crate::diagnose::null::signature::Signature;
 use crate::error::Result;
 
 /// Variance of an amplitude over what it would be if all other numbers were known, from which on others may stand in for it: a cosine of 0.9.

@@ -1,6 +1,7 @@
 //! What a camera may have that its model lacks: the catalogue's effects and where to try them.
 
-use super::model::{Knob, Scale};
+use super::knob::Knob;
+use super::knob::Scale;
 use crate::effects::definition::Form;
 use crate::effects::{Definition, find};
 

@@ -2,7 +2,10 @@
 
 pub(super) mod catalogue;
 pub(super) mod fixed;
+pub(super) mod knob;
 pub(super) mod model;
 pub(super) mod published;
 pub(super) mod remembered;
+pub(super) mod sample;
 pub(super) mod simulate;
+pub(super) mod still;

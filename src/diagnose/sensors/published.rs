@@ -1,6 +1,5 @@
 //! The model that a set without a camera file starts from.
 
-use super::model::published;
 use crate::calibrate::{self, Calibration, RecordingSet};
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::statistics::quantiles::Spread;
@@ -57,4 +56,19 @@ fn usual_dark(c: &Calibration) -> (f64, f64) {
     let errors: Vec<f64> = c.fits.iter().map(|f| f.var_d).collect();
     let (spread, error) = (Spread::of(&d), Spread::of(&errors).median());
     (spread.median(), (spread.sd().powi(2) - error).max(0.0).sqrt())
+}
+
+/// The published model at `setup`'s size: what a diagnosis starts from without a camera file.
+pub(in crate::diagnose) fn published(setup: &Setup) -> Result<Camera> {
+    let mut camera = crate::presets::builtin("scsim-code")?;
+    camera.sensor.geometry = setup.geometry;
+    camera.sensor.readout_hz = setup.readout_hz;
+    let dark = camera.effect("dark_current").cloned().unwrap_or(find("dark_current")?.neutral());
+    camera = camera
+        .with(dark.with("negative", 1.0)?)
+        .with(find("shot_noise")?.neutral().with("strength", 1.0)?)
+        .with(find("start_phase")?.neutral().with("share", 1.0)?)
+        .without("capacitor_mismatch");
+    camera.name = "published".to_owned();
+    Ok(camera)
 }

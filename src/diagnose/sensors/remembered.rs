@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 
 use nalgebra::DVector;
 
-use super::simulate::Sample;
+use super::sample::Sample;
 use crate::error::Result;
 
 /// Most vectors that are kept, some 60 MB of them.

@@ -1,6 +1,8 @@
 //! Statistics of maps: of gain and dark current, or of an unknown scene.
 
-use super::all::{Vector, counted, ln};
+use super::entry::Vector;
+use super::entry::counted;
+use super::entry::ln;
 use super::quantiles::Spread;
 use super::transforms::transforms;
 

@@ -1,6 +1,7 @@
 //! Statistics of whole readouts.
 
-use super::all::{Vector, ln};
+use super::entry::Vector;
+use super::entry::ln;
 use super::transforms::transforms;
 use crate::diagnose::protocol::recorded::Scene;
 use crate::diagnose::recording::scan::Scan;

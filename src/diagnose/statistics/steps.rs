@@ -1,6 +1,7 @@
 //! What happens after a step of the light, and beside one.
 
-use super::all::{Vector, ln};
+use super::entry::Vector;
+use super::entry::ln;
 use super::lines::Lines;
 use super::maps::Map;
 use super::quantiles::Spread;

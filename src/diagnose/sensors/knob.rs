@@ -1,0 +1,65 @@
+//! One number that a diagnosis may turn.
+
+use crate::effects::Camera;
+
+/// How a knob's position becomes a parameter's value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::diagnose) enum Scale {
+    /// `centre + unit u`.
+    Linear,
+    /// `centre + unit sqrt(u)`: statistics follow the square of a deviation.
+    Square,
+    /// `centre exp(u)`: shapes such as time constants.
+    Log,
+    /// `1 - (1 - centre) exp(u)`: what a readout keeps.
+    Kept,
+}
+
+/// One number of one effect.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::diagnose) struct Knob {
+    pub effect: &'static str,
+    pub key: &'static str,
+    pub scale: Scale,
+    pub centre: f64,
+    pub unit: f64,
+    /// Allowed values.
+    pub range: (f64, f64),
+}
+
+impl Knob {
+    pub fn value(&self, u: f64) -> f64 {
+        let value = match self.scale {
+            Scale::Linear => self.centre + self.unit * u,
+            Scale::Square => self.centre + self.unit * u.max(0.0).sqrt(),
+            Scale::Log => self.centre * u.exp(),
+            Scale::Kept => 1.0 - (1.0 - self.centre) * u.exp(),
+        };
+        value.clamp(self.range.0, self.range.1)
+    }
+
+    /// Its value in `camera`, the centre where that does not have its effect.
+    pub fn value_in(&self, camera: &Camera) -> f64 {
+        camera.effect(self.effect).and_then(|e| e.get(self.key).ok()).unwrap_or(self.centre)
+    }
+
+    /// The position that gives `value`.
+    pub fn position(&self, value: f64) -> f64 {
+        let value = value.clamp(self.range.0, self.range.1);
+        match self.scale {
+            Scale::Linear => (value - self.centre) / self.unit,
+            Scale::Square => {
+                let x = (value - self.centre) / self.unit;
+                x * x.abs()
+            }
+            Scale::Log => (value / self.centre).ln(),
+            Scale::Kept => ((1.0 - value) / (1.0 - self.centre)).ln(),
+        }
+    }
+
+    /// `u` moved into the allowed range.
+    pub fn clamped(&self, u: f64) -> f64 {
+        let (a, b) = (self.position(self.range.0), self.position(self.range.1));
+        u.clamp(a.min(b), a.max(b))
+    }
+}
