@@ -19,7 +19,7 @@ mod search;
 mod sensors;
 mod statistics;
 
-pub use answer::diagnosis::{Diagnosis, Fate, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
+pub use answer::diagnosis::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
 pub use answer::page::page;
 pub use answer::pictures::{Picture, Trace};
 pub use null::limits::Limits;
@@ -30,6 +30,7 @@ pub use protocol::recorded::Scene;
 pub use protocol::recorded_set::Setup;
 pub use protocol::still::Still;
 pub use run::{Options, diagnose};
+pub use search::round::Fate;
 pub use statistics::entry::Statistic;
 
 use crate::effects::Camera;

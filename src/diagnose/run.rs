@@ -11,6 +11,7 @@ use crate::diagnose::answer::notes::of_the_sets;
 use crate::diagnose::answer::outcome::outcome;
 use crate::diagnose::answer::pictures::pictures;
 use crate::diagnose::events::located::Events;
+use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::null::reference::{Progress, Reference};
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::protocol::extent::{Extent, Part};
@@ -84,7 +85,7 @@ pub fn diagnose(
             (Cow::Owned(reference), found)
         }
     };
-    let mut diagnosis = outcome(&reference, &mut found, &data, options.camera)?;
+    let mut diagnosis = outcome(Fitter { reference: &reference, data: &data }, &mut found, options.camera)?;
     progress("pictures", 0.95);
     let last = (&found.fit.model, found.fit.u.as_slice());
     diagnosis.traces.pictures = pictures(&reference, set, &measured.scans, last)?;
@@ -104,7 +105,12 @@ struct Sets<'a> {
 
 impl Sets<'_> {
     fn case<'a>(&'a self, reference: &'a Reference, signatures: &'a [Signature]) -> Case<'a> {
-        Case { reference, signatures, data: self.data, judge: self.judge, located: self.located }
+        Case {
+            fitter: Fitter { reference, data: self.data },
+            signatures,
+            judge: self.judge,
+            located: self.located,
+        }
     }
 
     /// From the camera that is given, or from a calibrated one.

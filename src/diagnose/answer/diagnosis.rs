@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::pictures::Picture;
+use crate::diagnose::search::round::Fate;
 use crate::effects::Camera;
 
 /// The verdict.
@@ -130,18 +131,6 @@ pub struct Diagnosis {
     /// Plots' numbers.
     #[serde(skip)]
     pub traces: Traces,
-}
-
-/// What became of a name that won a round.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Fate {
-    /// It is part of the model.
-    Kept,
-    /// Recordings that were not fitted did not come nearer.
-    TurnedDown,
-    /// Once later names were known, the data did without it.
-    Dropped,
 }
 
 /// What the report shows.

@@ -1,6 +1,7 @@
 //! What to record next, where two names explain a set as well as each other.
 
 use crate::diagnose::null::reference::Reference;
+use crate::diagnose::search::round::tied;
 use crate::diagnose::search::round::{Entrant, Round};
 
 /// Deviations at which two fitted models count as told apart.
@@ -53,11 +54,6 @@ const FAMILIES: [(&[&str], &str); 8] = [
 pub(in crate::diagnose) fn settle(reference: &Reference, rounds: &[Round]) -> Vec<String> {
     let kept = rounds.iter().filter(|r| r.is_kept());
     kept.flat_map(|r| tied(r).into_iter().map(|e| sentence(reference, r, e))).collect()
-}
-
-/// The names beside the winner that are as likely, two at most.
-pub(in crate::diagnose) fn tied(round: &Round) -> Vec<&Entrant> {
-    round.entrants.iter().filter(|e| e.tied && e.name != round.winner).take(2).collect()
 }
 
 fn sentence(reference: &Reference, round: &Round, other: &Entrant) -> String {

@@ -1,12 +1,15 @@
 //! From a search's end to what is said of it.
 
 use super::diagnosis::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
-use super::next_recording::{settle, tied};
+use super::next_recording::settle;
 use super::notes::{open, unjudged};
 use crate::diagnose::fit::draws::MEAN_SIMULATIONS;
+use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::fit::interval::{interval, of_data};
+use crate::diagnose::fit::unlocated::allowing;
 use crate::diagnose::null::reference::Reference;
 use crate::diagnose::search::contradicted::{Contradicted, contradicted};
+use crate::diagnose::search::round::tied;
 use crate::diagnose::search::round::{Round, kept};
 use crate::diagnose::search::search::Found;
 use crate::diagnose::sensors::catalogue::MISFITS;
@@ -33,11 +36,11 @@ const GAVE_WAY: f64 = 0.45;
 const WORTH: f64 = 0.02;
 
 pub(in crate::diagnose) fn outcome(
-    reference: &Reference,
+    fitter: Fitter<'_>,
     found: &mut Found,
-    data: &nalgebra::DVector<f64>,
     given: Option<&Camera>,
 ) -> Result<Diagnosis> {
+    let Fitter { reference, data } = fitter;
     let off = data - &found.own.mean;
     // The last, small step that the linear fit still asks for.
     for mut bounds in [found.fit.bounds(), found.fit.bounds_of_effects()] {
@@ -45,14 +48,14 @@ pub(in crate::diagnose) fn outcome(
             (bound.low, bound.high) = (bound.low.max(-2.0 * deviation), bound.high.min(2.0 * deviation));
         }
         let mut last = found.fit.moved(&found.own.metric.bounded(&off, &bounds));
-        reference.evaluate(&mut last, data, MEAN_SIMULATIONS)?;
+        fitter.evaluate(&mut last, MEAN_SIMULATIONS)?;
         if last.cost < found.fit.cost {
             found.fit = last;
             break;
         }
     }
     let interval = |j: usize| parameter(found, j);
-    let left = reference.allowing(&found.fit.events)?.square(&(data - &found.fit.mean));
+    let left = allowing(reference, &found.fit.events)?.square(&(data - &found.fit.mean));
     let whole = (found.train[0] - left) / (found.train[0] - found.own.allowed_floor).max(1.0);
     let strange = strange(&found.train, found.own.floor);
     let (mut effects, mut misfits) = (Vec::new(), Vec::new());
@@ -197,16 +200,6 @@ fn base_misfits(
     let worth = |m: &Misfit| (m.fitted - m.model).abs() > WORTH * m.model.abs();
     let off = data - &found.fit.mean;
     contradicted(found, &reference.missed, &off, &places).iter().map(misfit).filter(worth).collect()
-}
-
-impl Reference {
-    /// A statistic in words.
-    pub(in crate::diagnose) fn words(&self, i: usize) -> (String, String) {
-        let s = &self.statistics[i];
-        let place =
-            s.recording.map_or_else(|| "fitted maps".to_owned(), |k| self.setup.scenes[k].file_name());
-        (s.name.to_owned(), place)
-    }
 }
 
 /// The recordings and statistics that are furthest off.

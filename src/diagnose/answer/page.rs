@@ -1,7 +1,8 @@
 //! The report: one page.
 
-use super::diagnosis::{Diagnosis, Fate, Verdict};
+use super::diagnosis::{Diagnosis, Verdict};
 use super::pictures_page::seen;
+use crate::diagnose::search::round::Fate;
 use crate::error::Result;
 use crate::report::{Part, Row, Table, page as render, ranked};
 

@@ -19,31 +19,33 @@ const COUPLING: [&str; 1] = ["gain_dark_correlation"];
 
 const COUPLED: [(&str, &str); 3] = [("prnu", "sigma"), ("bias_voltage", "sigma"), ("dark_current", "sigma")];
 
-impl Reference {
-    /// Changes per unit of the base knobs where `fit` stands: those of the base model, and what is plainly another change beside the
-    /// fit's effects, by `count` pairs of pairs of simulations with the same draws. Nothing where no effect couples them.
-    pub(in crate::diagnose) fn crossed(&self, fit: &Fit, count: usize) -> Result<Option<DMatrix<f64>>> {
-        if fit.effects.iter().all(|e| !COUPLING.contains(&e.0)) {
-            return Ok(None);
-        }
-        let column = |j: usize| -> Result<DVector<f64>> {
-            let (knob, plain) = (&self.model.knobs[j], self.jacobian.column(j));
-            if !COUPLED.contains(&(knob.effect, knob.key)) {
-                return Ok(plain.into_owned());
-            }
-            let h = step(knob);
-            let mut beside = fit.u.clone();
-            beside[j] += h;
-            let mut alone = vec![0.0; self.model.knobs.len()];
-            alone[j] = h;
-            let beside = self.mean_of(&fit.model, &beside, count, Vec::new())?.each;
-            let alone = self.mean_of(&self.model, &alone, count, Vec::new())?.each;
-            let with = beside.iter().zip(&fit.each).map(|(a, b)| a - b);
-            let without = alone.iter().zip(&self.baseline).map(|(a, b)| a - b);
-            let change: Vec<DVector<f64>> = with.zip(without).map(|(a, b)| a - b).collect();
-            Ok(plain + quiet(average(&change), &self.spread, count) / h)
-        };
-        let columns = (0..self.model.knobs.len()).into_par_iter().map(column).collect::<Result<Vec<_>>>()?;
-        Ok(Some(DMatrix::from_columns(&columns)))
+/// Changes per unit of the base knobs where `fit` stands: those of the base model, and what is plainly another change beside the
+/// fit's effects, by `count` pairs of pairs of simulations with the same draws. Nothing where no effect couples them.
+pub(in crate::diagnose) fn jacobian(
+    reference: &Reference,
+    fit: &Fit,
+    count: usize,
+) -> Result<Option<DMatrix<f64>>> {
+    if fit.effects.iter().all(|e| !COUPLING.contains(&e.0)) {
+        return Ok(None);
     }
+    let column = |j: usize| -> Result<DVector<f64>> {
+        let (knob, plain) = (&reference.model.knobs[j], reference.jacobian.column(j));
+        if !COUPLED.contains(&(knob.effect, knob.key)) {
+            return Ok(plain.into_owned());
+        }
+        let h = step(knob);
+        let mut beside = fit.u.clone();
+        beside[j] += h;
+        let mut alone = vec![0.0; reference.model.knobs.len()];
+        alone[j] = h;
+        let beside = reference.mean_of(&fit.model, &beside, count, Vec::new())?.each;
+        let alone = reference.mean_of(&reference.model, &alone, count, Vec::new())?.each;
+        let with = beside.iter().zip(&fit.each).map(|(a, b)| a - b);
+        let without = alone.iter().zip(&reference.baseline).map(|(a, b)| a - b);
+        let change: Vec<DVector<f64>> = with.zip(without).map(|(a, b)| a - b).collect();
+        Ok(plain + quiet(average(&change), &reference.spread, count) / h)
+    };
+    let columns = (0..reference.model.knobs.len()).into_par_iter().map(column).collect::<Result<Vec<_>>>()?;
+    Ok(Some(DMatrix::from_columns(&columns)))
 }

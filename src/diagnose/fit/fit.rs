@@ -3,7 +3,6 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::likelihood::Likelihood;
-use super::slopes::Taken;
 use crate::diagnose::events::located::Count;
 use crate::diagnose::events::located::Events;
 use crate::diagnose::null::known::CALIBRATED;
@@ -14,7 +13,17 @@ use crate::diagnose::sensors::catalogue::{Candidate, SETTING_IN};
 use crate::diagnose::sensors::fixed::Pinned;
 use crate::diagnose::sensors::knob::Scale;
 use crate::diagnose::sensors::model::Model;
-use crate::error::Result;
+
+/// What derivatives were taken from: they are taken again where that has changed.
+#[derive(Clone, Debug, Default)]
+pub(in crate::diagnose) struct Taken {
+    pub(super) at: Vec<f64>,
+    pub(super) count: usize,
+    pub(super) around: bool,
+    /// Statistics that each effect hardly moves, and the simulations that told.
+    pub(super) unmoved: Vec<Vec<usize>>,
+    pub(super) told_by: usize,
+}
 
 /// A model with effects, fitted.
 #[derive(Clone, Debug)]
@@ -29,7 +38,7 @@ pub(in crate::diagnose) struct Fit {
     pub each: Vec<DVector<f64>>,
     /// The numbers that `each` was simulated and compared with the data with; empty where that was done with other effects, and
     /// for the base model, which the null's noise judges.
-    at: Vec<f64>,
+    pub(super) at: Vec<f64>,
     /// Changes per unit of the effects' knobs.
     pub jacobian: DMatrix<f64>,
     /// The same of the base knobs, where effects couple what these move.
@@ -41,7 +50,7 @@ pub(in crate::diagnose) struct Fit {
     /// Squared distance to the data by the first null's noise, calibration projected out.
     pub misfit: f64,
     /// What the model's own simulations stray, where that is more than the null's.
-    likelihood: Likelihood,
+    pub(super) likelihood: Likelihood,
     /// [`Likelihood::deviance`] of the data.
     pub cost: f64,
 }
@@ -64,11 +73,7 @@ impl Fit {
             events: DMatrix::zeros(data.len(), 0),
             misfit: reference.metric.square(&off),
             cost: reference.metric.square(&off),
-            likelihood: Likelihood {
-                metric: reference.metric.clone(),
-                noise: reference.noise.clone(),
-                spread: 0.0,
-            },
+            likelihood: Likelihood::of_null(reference),
         }
     }
 
@@ -84,7 +89,7 @@ impl Fit {
 
     /// Logarithm of the determinant of this model's noise over the null's.
     pub fn noise_of_its_own(&self) -> f64 {
-        self.likelihood.spread
+        self.likelihood.log_volume
     }
 
     /// The cost with a price for every number that was fitted.
@@ -224,33 +229,6 @@ pub(in crate::diagnose) fn trust(scale: Scale, u: f64) -> f64 {
     match scale {
         Scale::Log | Scale::Kept => 0.8,
         _ => (0.7 * u.abs()).max(0.8),
-    }
-}
-
-impl Reference {
-    /// Simulates the fit's mean, as far as that has not been done, and compares it with `data`, which are the same throughout
-    /// a search.
-    pub(in crate::diagnose) fn evaluate(
-        &self,
-        fit: &mut Fit,
-        data: &DVector<f64>,
-        count: usize,
-    ) -> Result<()> {
-        let known = if fit.at == fit.u { std::mem::take(&mut fit.each) } else { Vec::new() };
-        if known.len() >= count {
-            fit.each = known;
-            return Ok(());
-        }
-        let means = self.mean_of(&fit.model, &fit.u, count, known)?;
-        let off = data - &means.mean;
-        fit.misfit = self.metric.square(&off);
-        fit.mean = means.mean;
-        fit.each = means.each;
-        fit.at.clone_from(&fit.u);
-        fit.events = self.event_columns(fit)?;
-        fit.likelihood = self.likelihood(fit)?;
-        fit.cost = fit.likelihood.deviance(&off);
-        Ok(())
     }
 }
 

@@ -4,6 +4,7 @@ pub(super) mod by_itself;
 pub(super) mod coupled;
 pub(super) mod draws;
 pub(super) mod fit;
+pub(super) mod fitter;
 pub(super) mod interval;
 pub(super) mod likelihood;
 pub(super) mod price;

@@ -8,8 +8,10 @@
 use nalgebra::DVector;
 
 use super::fit::Fit;
+use super::fitter::Fitter;
 use crate::diagnose::null::mean::average;
-use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::metric::Metric;
+use crate::error::Result;
 
 /// A fit and what it costs, less what its draws add.
 #[derive(Clone, Debug)]
@@ -27,22 +29,27 @@ impl Priced {
     pub fn cost(&self) -> f64 {
         self.fit.cost - self.share
     }
+
+    /// By how many deviations of the null a set tells it from another fitted model.
+    pub fn apart(&self, other: &Self, null: &Metric) -> f64 {
+        (null.square(&(&self.fit.mean - &other.fit.mean)) - self.share - other.share).max(0.0).sqrt()
+    }
 }
 
-impl Reference {
-    /// `fit`, which has been compared with `data`, with its price.
-    pub(in crate::diagnose) fn priced(&self, fit: Fit, data: &DVector<f64>) -> Priced {
-        let errors = errors(&fit.each, &self.baseline);
+impl Fitter<'_> {
+    /// `fit`, which has been compared with the data, with its price.
+    pub(in crate::diagnose) fn priced(&self, fit: Fit) -> Priced {
+        let errors = errors(&fit.each, &self.reference.baseline);
         let share = errors.iter().map(|e| fit.length_of(e)).sum();
-        let off = data - &fit.mean;
+        let off = self.data - &fit.mean;
         let product = |e: &DVector<f64>| (fit.length_of(&(&off + e)) - fit.length_of(&(&off - e))) / 4.0;
         let deviation = 2.0 * errors.iter().map(|e| product(e).powi(2)).sum::<f64>().sqrt();
         Priced { price: fit.price() - share, fit, share, deviation }
     }
 
-    /// By how many deviations a set tells two fitted models apart.
-    pub(in crate::diagnose) fn apart(&self, a: &Priced, b: &Priced) -> f64 {
-        (self.metric.square(&(&a.fit.mean - &b.fit.mean)) - a.share - b.share).max(0.0).sqrt()
+    /// `fit`, refined, with its price.
+    pub(in crate::diagnose) fn refined(&self, fit: Fit, rounds: usize, count: usize) -> Result<Priced> {
+        Ok(self.priced(self.refine(fit, rounds, count)?))
     }
 }
 

@@ -3,9 +3,9 @@
 use nalgebra::DVector;
 
 use super::fit::Fit;
+use super::fitter::Fitter;
 use super::slopes::Secant;
 use crate::diagnose::null::metric::Bound;
-use crate::diagnose::null::reference::Reference;
 use crate::error::Result;
 
 /// What a step must promise to be simulated: this fall of the cost, and this share of it.
@@ -14,20 +14,14 @@ const WORTH: (f64, f64) = (0.5, 0.003);
 /// Move of a number of the base model from which on a step is always simulated: the cost is free along these, and promises nothing.
 const WORTH_OF_BASE: f64 = 0.1;
 
-impl Reference {
+impl Fitter<'_> {
     /// Gauss-Newton from where `fit` stands, `rounds` at most, each mean from `count` simulations.
-    pub(in crate::diagnose) fn refine(
-        &self,
-        mut fit: Fit,
-        data: &DVector<f64>,
-        rounds: usize,
-        count: usize,
-    ) -> Result<Fit> {
-        self.evaluate(&mut fit, data, count)?;
+    pub(in crate::diagnose) fn refine(&self, mut fit: Fit, rounds: usize, count: usize) -> Result<Fit> {
+        self.evaluate(&mut fit, count)?;
         for round in 0..rounds {
             // Common draws: a difference needs fewer simulations than a mean.
             self.derive(&mut fit, count.div_ceil(2), Secant::Ahead)?;
-            let Some(next) = self.line_search(&fit, data, count)? else { break };
+            let Some(next) = self.line_search(&fit, count)? else { break };
             let gained = fit.cost - next.cost;
             fit = next;
             if round + 1 < rounds && gained < 0.01 * fit.cost.max(0.0) + 1.0 {
@@ -40,9 +34,9 @@ impl Reference {
     /// The first of these steps that helps: the whole one, that of the effects alone (first where one sets in), or a part of the whole one. Where the base
     /// model's numbers stay, draws are alike to those of all of its simulations, and the mean has less noise than a small
     /// move of theirs gains.
-    fn line_search(&self, fit: &Fit, data: &DVector<f64>, count: usize) -> Result<Option<Fit>> {
-        let off = data - &fit.mean;
-        let metric = fit.metric(self);
+    fn line_search(&self, fit: &Fit, count: usize) -> Result<Option<Fit>> {
+        let off = self.data - &fit.mean;
+        let metric = fit.metric(self.reference);
         let wanted = |bounds: &[Bound]| metric.bounded(&off, bounds);
         let whole = wanted(&fit.bounds());
         let worth = |step: &DVector<f64>| {
@@ -60,7 +54,7 @@ impl Reference {
                 continue;
             }
             let mut next = fit.moved(&step);
-            self.evaluate(&mut next, data, count)?;
+            self.evaluate(&mut next, count)?;
             if next.cost < fit.cost {
                 return Ok(Some(next));
             }

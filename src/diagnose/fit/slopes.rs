@@ -3,10 +3,11 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::fit::Fit;
+use super::coupled;
+use super::fit::{Fit, Taken};
+use super::fitter::Fitter;
 use crate::diagnose::null::denoised::quiet;
 use crate::diagnose::null::mean::average;
-use crate::diagnose::null::reference::Reference;
 use crate::diagnose::sensors::knob::Scale;
 use crate::error::Result;
 
@@ -26,17 +27,6 @@ pub(in crate::diagnose) enum Secant {
     Ahead,
     /// To both sides.
     Around,
-}
-
-/// What derivatives were taken from: they are taken again where that has changed by more than [`NEAR`].
-#[derive(Clone, Debug, Default)]
-pub(in crate::diagnose) struct Taken {
-    at: Vec<f64>,
-    count: usize,
-    around: bool,
-    /// Statistics that each effect hardly moves, and the simulations that told.
-    unmoved: Vec<Vec<usize>>,
-    told_by: usize,
 }
 
 /// Share of the step of a derivative within which it holds.
@@ -64,7 +54,7 @@ fn near(fit: &Fit) -> bool {
     fit.taken.at.len() == fit.u.len() && (fit.base_knobs()..fit.u.len()).all(|j| moved(j) <= NEAR)
 }
 
-impl Reference {
+impl Fitter<'_> {
     /// Derivatives by the effects' knobs, with the draws of the fit's own simulations.
     pub(in crate::diagnose) fn derive(&self, fit: &mut Fit, count: usize, secant: Secant) -> Result<()> {
         let count = count.min(fit.each.len());
@@ -91,11 +81,11 @@ impl Reference {
                 }
                 let mut u = fit.u.clone();
                 u[j] = end;
-                Ok(self.mean_of(&fit.model, &u, count, Vec::new())?.each)
+                Ok(self.reference.mean_of(&fit.model, &u, count, Vec::new())?.each)
             };
             let (from, to) = (at(low)?, at(high)?);
             let change: Vec<_> = to.iter().zip(&from).map(|(a, b)| a - b).collect();
-            let mut plain = quiet(average(&change), &self.spread, count);
+            let mut plain = quiet(average(&change), &self.reference.spread, count);
             unmoved[effect].iter().for_each(|i| plain[*i] = 0.0);
             Ok(plain / (high - low))
         };
@@ -107,7 +97,7 @@ impl Reference {
         } else {
             DMatrix::from_columns(&columns)
         };
-        fit.crossed = self.crossed(fit, count)?;
+        fit.crossed = coupled::jacobian(self.reference, fit, count)?;
         fit.taken = Taken { at: fit.u.clone(), count, around, ..std::mem::take(&mut fit.taken) };
         Ok(())
     }
@@ -126,17 +116,17 @@ impl Reference {
     /// cannot tell but all of it can. What several effects move together says nothing of one, as they may cancel.
     fn unmoved(&self, fit: &Fit, effect: usize) -> Result<Vec<usize>> {
         let n = fit.each.len();
-        if n < ENOUGH || self.spread.len() < CROWD {
+        if n < ENOUGH || self.reference.spread.len() < CROWD {
             return Ok(Vec::new());
         }
         let other = fit.without(effect);
         let without = if other.u.iter().all(|u| *u == 0.0) {
-            average(&self.baseline[..n])
+            average(&self.reference.baseline[..n])
         } else {
-            average(&self.mean_of(&other.model, &other.u, n, Vec::new())?.each)
+            average(&self.reference.mean_of(&other.model, &other.u, n, Vec::new())?.each)
         };
         let change = average(&fit.each) - without;
         let limit = MOVED * (2.0 / n as f64).sqrt();
-        Ok((0..change.len()).filter(|i| change[*i].abs() < limit * self.spread[*i]).collect())
+        Ok((0..change.len()).filter(|i| change[*i].abs() < limit * self.reference.spread[*i]).collect())
     }
 }

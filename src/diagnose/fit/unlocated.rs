@@ -16,58 +16,38 @@ use crate::error::Result;
 /// Pairs of simulations that tell what an event moves.
 const PAIRS: usize = 2;
 
-impl Reference {
-    /// One column for every recording and event: the change of its statistics for one standard deviation of their number.
-    pub(in crate::diagnose) fn event_columns(&self, fit: &Fit) -> Result<DMatrix<f64>> {
-        let mut columns = Vec::new();
-        for (e, (name, _)) in fit.effects.iter().enumerate() {
-            let j = fit.knobs_of(e).start;
-            let probability = fit.model.knobs[j].value(fit.u[j]);
-            let Some(kind) = kind(name).filter(|_| probability > 0.0) else { continue };
-            let by_chance = |k: &usize| fit.model.pinned.places(*k)[kind].is_none();
-            let scenes: Vec<usize> = (0..self.setup.scenes.len()).filter(by_chance).collect();
-            if scenes.is_empty() {
-                continue;
-            }
-            // From half of them: twice the root of a count is no straight line from none.
-            let mut fewer = fit.u.clone();
-            fewer[j] *= 0.5;
-            let fewer = self.mean_of(&fit.model, &fewer, PAIRS.min(fit.each.len()), Vec::new())?;
-            let change: Vec<DVector<f64>> = fewer.each.iter().zip(&fit.each).map(|(a, b)| b - a).collect();
-            let change = quiet(2.0 * average(&change), &self.spread, change.len());
-            for k in scenes {
-                let expected = probability * self.setup.scenes[k].readouts as f64;
-                let own = |i: usize| f64::from(u8::from(self.statistics[i].recording == Some(k)));
-                columns.push(DVector::from_fn(change.len(), |i, _| own(i) * change[i] / expected.sqrt()));
-            }
+/// One column for every recording and event: the change of its statistics for one standard deviation of their number.
+pub(in crate::diagnose) fn columns(reference: &Reference, fit: &Fit) -> Result<DMatrix<f64>> {
+    let mut columns = Vec::new();
+    for (e, (name, _)) in fit.effects.iter().enumerate() {
+        let j = fit.knobs_of(e).start;
+        let probability = fit.model.knobs[j].value(fit.u[j]);
+        let Some(kind) = kind(name).filter(|_| probability > 0.0) else { continue };
+        let by_chance = |k: &usize| fit.model.pinned.places(*k)[kind].is_none();
+        let scenes: Vec<usize> = (0..reference.setup.scenes.len()).filter(by_chance).collect();
+        if scenes.is_empty() {
+            continue;
         }
-        columns.retain(|c| c.amax() > 0.0);
-        Ok(if columns.is_empty() {
-            DMatrix::zeros(fit.mean.len(), 0)
-        } else {
-            DMatrix::from_columns(&columns)
-        })
-    }
-
-    /// The null's metric, with any number of events allowed: what they move is no misfit.
-    pub(in crate::diagnose) fn allowing(&self, events: &DMatrix<f64>) -> Result<Metric> {
-        if events.is_empty() {
-            return Ok(self.metric.clone());
+        // From half of them: twice the root of a count is no straight line from none.
+        let mut fewer = fit.u.clone();
+        fewer[j] *= 0.5;
+        let fewer = reference.mean_of(&fit.model, &fewer, PAIRS.min(fit.each.len()), Vec::new())?;
+        let change: Vec<DVector<f64>> = fewer.each.iter().zip(&fit.each).map(|(a, b)| b - a).collect();
+        let change = quiet(2.0 * average(&change), &reference.spread, change.len());
+        for k in scenes {
+            let expected = probability * reference.setup.scenes[k].readouts as f64;
+            let own = |i: usize| f64::from(u8::from(reference.statistics[i].recording == Some(k)));
+            columns.push(DVector::from_fn(change.len(), |i, _| own(i) * change[i] / expected.sqrt()));
         }
-        Ok(Metric::new(&self.noise.with_columns(events)?, self.jacobian.clone()))
     }
+    columns.retain(|c| c.amax() > 0.0);
+    Ok(if columns.is_empty() { DMatrix::zeros(fit.mean.len(), 0) } else { DMatrix::from_columns(&columns) })
+}
 
-    /// `off` without what the numbers of events explain of it. Columns do not overlap: each is fitted by itself.
-    pub(in crate::diagnose) fn without_events(
-        &self,
-        off: DVector<f64>,
-        columns: &DMatrix<f64>,
-    ) -> DVector<f64> {
-        let weight = |i: usize| self.noise.covariance[(i, i)].recip();
-        columns.column_iter().fold(off, |off, c| {
-            let along: f64 = (0..off.len()).map(|i| off[i] * c[i] * weight(i)).sum();
-            let square: f64 = (0..off.len()).map(|i| c[i] * c[i] * weight(i)).sum();
-            off - c * (along / square)
-        })
+/// The null's metric, with any number of events allowed: what they move is no misfit.
+pub(in crate::diagnose) fn allowing(reference: &Reference, events: &DMatrix<f64>) -> Result<Metric> {
+    if events.is_empty() {
+        return Ok(reference.metric.clone());
     }
+    Ok(Metric::new(&reference.noise.with_columns(events)?, reference.jacobian.clone()))
 }

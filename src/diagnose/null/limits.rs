@@ -5,7 +5,6 @@ use rayon::prelude::*;
 
 use super::metric::{Metric, noise};
 use super::redraw::Redrawn;
-use super::reference::Reference;
 use super::signature::Signature;
 use crate::error::Result;
 
@@ -39,15 +38,23 @@ pub(in crate::diagnose) struct Clean {
     pub floor_sd: f64,
 }
 
-impl Reference {
+/// The base model's sensors that the null is made of.
+pub(in crate::diagnose) struct Base<'a> {
+    pub mean: &'a DVector<f64>,
+    /// Changes per unit of the base knobs.
+    pub jacobian: &'a DMatrix<f64>,
+    pub signatures: &'a [Signature],
+}
+
+impl Clean {
     /// What clean sensors with redrawn numbers show, each part judged by the noise of the others.
-    pub(in crate::diagnose) fn null(
-        &self,
+    pub(in crate::diagnose) fn of(
         redrawn: &[Redrawn],
         residuals: &[DVector<f64>],
         lamps: &DMatrix<f64>,
         floors: &[f64],
-    ) -> Result<Clean> {
+        base: Base<'_>,
+    ) -> Result<Self> {
         let fold = |f: usize| -> Result<Vec<[f64; 3]>> {
             let others: Vec<DVector<f64>> = residuals
                 .iter()
@@ -55,10 +62,10 @@ impl Reference {
                 .filter(|(i, _)| i % FOLDS != f)
                 .map(|(_, r)| r.clone())
                 .collect();
-            let metric = Metric::new(&noise(&others, floors)?.with_columns(lamps)?, self.jacobian.clone());
+            let metric = Metric::new(&noise(&others, floors)?.with_columns(lamps)?, base.jacobian.clone());
             let own = redrawn.iter().enumerate().filter(|(i, _)| i % FOLDS == f);
-            let all: Vec<&Signature> = self.signatures.iter().collect();
-            Ok(own.map(|(_, d)| self.strays_by(&metric, &(&d.vector - &self.mean), &all)).collect())
+            let all: Vec<&Signature> = base.signatures.iter().collect();
+            Ok(own.map(|(_, d)| strays_by(&metric, &(&d.vector - base.mean), &all)).collect())
         };
         let folds = (0..FOLDS).into_par_iter().map(fold).collect::<Result<Vec<_>>>()?;
         let all: Vec<[f64; 3]> = folds.into_iter().flatten().collect();
@@ -70,8 +77,27 @@ impl Reference {
             deviation: gumbel_limit(&column(1)),
             score: gumbel_limit(&column(2)),
         };
-        Ok(Clean { limits, floor, floor_sd })
+        Ok(Self { limits, floor, floor_sd })
     }
+}
+
+/// Total misfit, largest deviation and largest score of what is `off`.
+pub(in crate::diagnose) fn strays_by(
+    metric: &Metric,
+    off: &DVector<f64>,
+    signatures: &[&Signature],
+) -> [f64; 3] {
+    let dual = metric.dual(off);
+    let score = |s: &Signature| {
+        let length = metric.square(&s.mean).sqrt();
+        if length > 0.0 { (s.mean.dot(&dual) / length).abs() } else { 0.0 }
+    };
+    let largest = |m: f64, x: f64| m.max(x.abs());
+    [
+        off.dot(&dual),
+        metric.scores(off).into_iter().fold(0.0, largest),
+        signatures.iter().map(|s| score(s)).fold(0.0, largest),
+    ]
 }
 
 /// Median and standard deviation.

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::derivatives::{base_jacobian, lamp_columns};
 use super::known::CALIBRATED;
-use super::limits::{Clean, Limits};
+use super::limits::{Base, Clean, Limits};
 use super::mean::average;
 use super::metric::{Metric, Noise, noise};
 use super::redraw::{Redrawn, redraw};
@@ -117,15 +117,27 @@ impl Reference {
         };
         let sign = |c: Candidate| reference.signature(c);
         reference.signatures = all.into_par_iter().map(sign).collect::<Result<_>>()?;
-        reference.clean = reference.null(&redrawn, &residuals, &lamps, &floors)?;
+        reference.clean = Clean::of(&redrawn, &residuals, &lamps, &floors, reference.base())?;
         progress("signatures", 1.0);
         Ok(reference)
+    }
+
+    fn base(&self) -> Base<'_> {
+        Base { mean: &self.mean, jacobian: &self.jacobian, signatures: &self.signatures }
     }
 
     /// What clean sensors keep within.
     #[must_use]
     pub fn limits(&self) -> Limits {
         self.clean.limits
+    }
+
+    /// A statistic in words.
+    pub(in crate::diagnose) fn words(&self, i: usize) -> (String, String) {
+        let s = &self.statistics[i];
+        let place =
+            s.recording.map_or_else(|| "fitted maps".to_owned(), |k| self.setup.scenes[k].file_name());
+        (s.name.to_owned(), place)
     }
 
     /// How `candidate` shows in a base sensor.

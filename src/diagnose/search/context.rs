@@ -2,9 +2,11 @@
 
 use nalgebra::DVector;
 
+use super::alarm::alarm;
 use crate::diagnose::events::located::Events;
 use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::fit::Fit;
+use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::null::reference::Reference;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::protocol::recorded_set::Setup;
@@ -39,10 +41,9 @@ impl Judge<'_> {
 
 /// What a search goes by.
 pub(in crate::diagnose) struct Case<'a> {
-    pub reference: &'a Reference,
+    /// The base model and the set that is fitted.
+    pub fitter: Fitter<'a>,
     pub signatures: &'a [Signature],
-    /// The set that is fitted.
-    pub data: &'a DVector<f64>,
     pub judge: &'a Judge<'a>,
     /// Lost and repeated readouts of both sets.
     pub located: &'a Events,
@@ -68,27 +69,27 @@ impl Judged {
 
 impl Case<'_> {
     pub fn base(&self) -> Result<Judged> {
-        let (fit, own) =
-            (Fit::base(self.reference, self.data, self.located.clone()), self.reference.own_of_base());
-        let left = self.alarm(&fit, &own, &(self.data - &own.mean));
-        Ok(Judged { off: self.judge.off(self.reference, &fit)?, fit, own, left, left_fitted: left })
+        let Fitter { reference, data } = self.fitter;
+        let (fit, own) = (Fit::base(reference, data, self.located.clone()), Own::of_base(reference));
+        let left = self.alarm(&fit, &own, &(data - &own.mean));
+        Ok(Judged { off: self.judge.off(reference, &fit)?, fit, own, left, left_fitted: left })
     }
 
     pub fn judged(&self, fit: Fit, own: Own) -> Result<Judged> {
-        let off = self.judge.off(self.reference, &fit)?;
-        let left_fitted = self.alarm(&fit, &own, &(self.data - &own.mean));
+        let off = self.judge.off(self.fitter.reference, &fit)?;
+        let left_fitted = self.alarm(&fit, &own, &(self.fitter.data - &own.mean));
         let left = left_fitted || self.alarm(&fit, &own, &off);
         Ok(Judged { fit, own, off, left, left_fitted })
     }
 
     /// How unlikely the held-out set is under a fit that was not judged yet.
     pub fn deviance(&self, fit: &Fit) -> Result<f64> {
-        Ok(fit.deviance_of(&self.judge.off(self.reference, fit)?))
+        Ok(fit.deviance_of(&self.judge.off(self.fitter.reference, fit)?))
     }
 
     /// Squared distance of the fitted and of the held-out set, with what calibration fits taken out.
     pub fn gaps(&self, at: &Judged) -> [f64; 2] {
-        [at.fit.misfit, self.reference.metric.square(&at.off)]
+        [at.fit.misfit, self.fitter.reference.metric.square(&at.off)]
     }
 
     /// What a step from one model to another did to them, in words.
@@ -100,6 +101,6 @@ impl Case<'_> {
     }
 
     fn alarm(&self, fit: &Fit, own: &Own, off: &DVector<f64>) -> bool {
-        self.reference.alarm(fit, own, off, self.signatures)
+        alarm(fit, own, off, self.signatures)
     }
 }

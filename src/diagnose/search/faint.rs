@@ -1,8 +1,8 @@
 //! Names that are weaker than what a set can name.
 
 use super::context::{Case, Judged};
+use super::round::tied;
 use super::round::{Round, kept_mut};
-use crate::diagnose::answer::next_recording::tied;
 
 impl Case<'_> {
     /// Marks names of which less was fitted than the smallest strength that this set can name, and that tie with no other: what
@@ -17,7 +17,9 @@ impl Case<'_> {
             let amplitude = at.fit.knobs_of(i).start;
             let knob = at.fit.model.knobs[amplitude];
             let strength = (knob.value(at.fit.u[amplitude]) - knob.value(0.0)).abs();
-            let Some(smallest) = self.reference.nameable_one(name).map(|n| n.strength) else { continue };
+            let Some(smallest) = self.fitter.reference.nameable_one(name).map(|n| n.strength) else {
+                continue;
+            };
             if strength < smallest {
                 round.faint = true;
                 round.evidence +=

@@ -31,14 +31,14 @@ const TRUST: f64 = 0.3;
 impl Case<'_> {
     /// Takes the last steps, where some are asked for; `given` is the camera that the base model came from.
     pub(in crate::diagnose) fn end(&self, found: &mut Found, given: &Camera) -> Result<()> {
-        let places = self.reference.model.places_in(given);
+        let places = self.fitter.reference.model.places_in(given);
         // Beside noise as strong as that, what a base number moves is another change altogether; a still scene or maps tell too few apart.
-        let setup = &self.reference.setup;
+        let setup = &self.fitter.reference.setup;
         if found.fit.effects.is_empty() || found.fit.is_noisy() || setup.only_still() || setup.maps {
             return Ok(());
         }
         let Some(mut fit) = self.onward(found, &places)? else { return Ok(()) };
-        let own = self.reference.own(&mut fit, self.data)?;
+        let own = self.fitter.judged_by_itself(&mut fit)?;
         let next = self.judged(fit, own)?;
         let [train, heldout] = self.gaps(&next);
         let before = found.heldout.last().copied().unwrap_or_default();
@@ -55,7 +55,8 @@ impl Case<'_> {
 
     /// As many steps as each ask for less than the one before, where the first asks for enough.
     fn onward(&self, found: &Found, places: &[f64]) -> Result<Option<Fit>> {
-        let wanted = |fit: &Fit| found.own.metric.bounded(&(self.data - &fit.mean), &bounds(fit, places));
+        let wanted =
+            |fit: &Fit| found.own.metric.bounded(&(self.fitter.data - &fit.mean), &bounds(fit, places));
         let mut at = None;
         let mut step = wanted(&found.fit);
         let mut far = length(&step, &found.own.deviations);
@@ -64,7 +65,7 @@ impl Case<'_> {
                 break;
             }
             let mut next = at.as_ref().unwrap_or(&found.fit).moved(&step);
-            self.reference.evaluate(&mut next, self.data, MEAN_SIMULATIONS)?;
+            self.fitter.evaluate(&mut next, MEAN_SIMULATIONS)?;
             step = wanted(&next);
             let asked = length(&step, &found.own.deviations);
             if asked >= far {

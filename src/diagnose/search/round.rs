@@ -2,7 +2,19 @@
 
 use nalgebra::DVector;
 
-use crate::diagnose::answer::diagnosis::Fate;
+use serde::Serialize;
+
+/// What became of a name that won a round.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Fate {
+    /// It is part of the model.
+    Kept,
+    /// Recordings that were not fitted did not come nearer.
+    TurnedDown,
+    /// Once later names were known, the data did without it.
+    Dropped,
+}
 
 /// A candidate that was fitted beside the winner.
 #[derive(Clone, Debug)]
@@ -55,4 +67,9 @@ pub(in crate::diagnose) fn kept<'a>(rounds: &'a [Round], name: &str) -> Option<&
 /// The same, to be changed.
 pub(in crate::diagnose) fn kept_mut<'a>(rounds: &'a mut [Round], name: &str) -> Option<&'a mut Round> {
     rounds.iter_mut().find(|r| r.is_kept() && r.winner == name)
+}
+
+/// The names beside the winner that are as likely, two at most.
+pub(in crate::diagnose) fn tied(round: &Round) -> Vec<&Entrant> {
+    round.entrants.iter().filter(|e| e.tied && e.name != round.winner).take(2).collect()
 }

@@ -3,12 +3,12 @@
 use nalgebra::DVector;
 
 use super::context::{Case, Judged};
+use super::round::Fate;
 use super::round::Round;
-use crate::diagnose::answer::diagnosis::Fate;
+use super::weed::REMAINDER;
 use crate::diagnose::fit::by_itself::Own;
-use crate::diagnose::fit::draws::SOME_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
-use crate::diagnose::null::reference::{Progress, Reference};
+use crate::diagnose::null::reference::Progress;
 use crate::diagnose::null::signature::Signature;
 use crate::error::Result;
 
@@ -18,19 +18,12 @@ const ROUNDS: usize = 4;
 /// Most names that the held-out set may turn down.
 const VETOES: usize = 2;
 
-/// Times that an accepted model is fitted again with its own noise.
-const REFITS: usize = 2;
-
 /// Fall of the held-out deviance below which a name is not kept: three deviations of one number.
 const BETTER: f64 = 9.0;
 
 /// Share of the excess below which the best name explains too little for another one to be tried:
 /// of three effects of equal strength the first explains a third.
 const LIKENESS: f64 = 0.2;
-
-/// Share of the first excess that a further effect must explain: an approximate signature of a strong
-/// effect leaves that much. Three times as much kept a droop from being named beside strong row noise.
-pub(in crate::diagnose) const REMAINDER: f64 = 0.0003;
 
 /// Share of the held-out deviance below which a further effect leaves so little that no such remainder is asked of it, as where it
 /// leaves nothing: what a signature leaves has many shapes, of which another effect has some. `comparator_noise` beside strong
@@ -58,14 +51,14 @@ impl Case<'_> {
         let evidence = Evidence {
             before: before.deviance(),
             after: self.deviance(&next)?,
-            whole: before.fit.length_of(&(self.judge.data - &self.reference.mean)),
+            whole: before.fit.length_of(&(self.judge.data - &self.fitter.reference.mean)),
             others: before.fit.effects.len(),
         };
         // What was fitted is also made likelier by a model that strays more, of which it need not come nearer.
         if evidence.beyond() <= 0.0 || !(self.judge.held_out || next.misfit < before.fit.misfit) {
             return Ok(None);
         }
-        let own = self.reference.converged(&mut next, self.data)?;
+        let own = self.fitter.converged(&mut next)?;
         let next = self.judged(next, own)?;
         Ok(evidence.suffices(next.left_fitted).then_some(next))
     }
@@ -98,7 +91,6 @@ impl Evidence {
 }
 
 pub(in crate::diagnose) fn search(case: &Case<'_>, progress: Progress<'_>) -> Result<Found> {
-    let reference = case.reference;
     let mut at = case.base()?;
     let (mut train, mut heldout, mut steps) = (Vec::new(), Vec::new(), Vec::new());
     let mut gap = |step: String, at: &Judged| {
@@ -115,7 +107,7 @@ pub(in crate::diagnose) fn search(case: &Case<'_>, progress: Progress<'_>) -> Re
         progress("tournament", tried);
         let open: Vec<&Signature> =
             case.signatures.iter().filter(|s| !turned_down.contains(&s.candidate.name)).collect();
-        let Some((next, round)) = reference.tournament(&at.fit, &at.own, &open, case.data)? else { break };
+        let Some((next, round)) = case.tournament(&at.fit, &at.own, &open)? else { break };
         progress(round.winner, tried);
         let next = case.accepted(&at, next)?;
         let Some(next) = next else {
@@ -142,28 +134,6 @@ pub(in crate::diagnose) fn search(case: &Case<'_>, progress: Progress<'_>) -> Re
     }
     let Judged { fit, own, off, left, .. } = at;
     Ok(Found { fit, rounds, train, heldout, steps, own, off, left })
-}
-
-impl Reference {
-    /// The fitted model judged by itself, again as long as its own noise asks for other numbers.
-    pub(in crate::diagnose) fn converged(&self, fit: &mut Fit, data: &DVector<f64>) -> Result<Own> {
-        let mut own = self.own(fit, data)?;
-        for _ in 0..REFITS {
-            let moved = own.metric.bounded(&(data - &own.mean), &fit.bounds());
-            let base = self.model.knobs.len();
-            let far = (base..fit.u.len()).any(|j| moved[j].abs() > own.deviations[j]);
-            if !far {
-                break;
-            }
-            let mut next = self.refine(fit.moved(&moved), data, 2, 2 * SOME_SIMULATIONS)?;
-            if next.cost > fit.cost {
-                break;
-            }
-            own = self.own(&mut next, data)?;
-            *fit = next;
-        }
-        Ok(own)
-    }
 }
 
 #[cfg(test)]

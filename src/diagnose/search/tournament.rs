@@ -3,14 +3,16 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
+use super::context::Case;
+use super::round::Fate;
 use super::round::{Entrant, Round};
-use crate::diagnose::answer::diagnosis::Fate;
 use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::draws::MOST_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
+use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::fit::price::Priced;
+use crate::diagnose::fit::unlocated::allowing;
 use crate::diagnose::null::metric::Metric;
-use crate::diagnose::null::reference::Reference;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::null::signature::reach;
 use crate::error::Result;
@@ -42,16 +44,16 @@ const ENTERING: f64 = 20.0;
 /// Deviation of a price from which on more simulations are made of the front: of the four that any two models may differ by, half.
 const UNSURE: f64 = 2.0;
 
-impl Reference {
+impl Case<'_> {
     /// The best candidate for what is left, fitted together with everything accepted before.
     pub(in crate::diagnose) fn tournament(
         &self,
         fit: &Fit,
         own: &Own,
         signatures: &[&Signature],
-        data: &DVector<f64>,
     ) -> Result<Option<(Fit, Round)>> {
-        let starts = self.starts(fit, &own.metric, signatures, data)?;
+        let Fitter { reference, data } = self.fitter;
+        let starts = self.starts(fit, &own.metric, signatures)?;
         if starts.is_empty() {
             return Ok(None);
         }
@@ -59,7 +61,7 @@ impl Reference {
         let rounds = if fit.effects.is_empty() { ROUNDS_ALONE } else { ROUNDS_BESIDE };
         // Which start is nearer shows at the end: where base numbers took in what is added now, that place costs less at first.
         let enter = |(_, from): &(&str, Vec<Fit>)| {
-            let refined = from.par_iter().map(|f| self.refined(f.clone(), data, rounds[0], few));
+            let refined = from.par_iter().map(|f| self.fitter.refined(f.clone(), rounds[0], few));
             Ok(refined.collect::<Result<Vec<_>>>()?.into_iter().min_by(cheaper))
         };
         let fits = starts.par_iter().map(enter).collect::<Result<Vec<Option<Priced>>>>()?;
@@ -69,13 +71,13 @@ impl Reference {
         let front = fits[0].price + 0.15 * (fit.price() - fits[0].price).max(0.0) + NEAR;
         let near = fits.iter().take(FINAL).take_while(|f| f.price < front).count();
         let far = fits.split_off(near);
-        let again = fits.into_par_iter().map(|f| self.refined(f.fit, data, rounds[1], some));
-        let mut fits = self.finish(again.collect::<Result<Vec<_>>>()?, data)?;
+        let again = fits.into_par_iter().map(|f| self.fitter.refined(f.fit, rounds[1], some));
+        let mut fits = self.finish(again.collect::<Result<Vec<_>>>()?)?;
         let Priced { fit: best, .. } = fits[0].clone();
         fits.extend(far);
         let entrants = fits.iter().map(|f| self.entrant(&fits[0], f)).collect();
-        let before = self.allowing(&fit.events)?.square(&(data - &fit.mean));
-        let after = self.allowing(&best.events)?.square(&(data - &best.mean));
+        let before = allowing(reference, &fit.events)?.square(&(data - &fit.mean));
+        let after = allowing(reference, &best.events)?.square(&(data - &best.mean));
         let share = ((before - after) / (before - own.allowed_floor).max(1.0)).clamp(0.0, 1.0);
         let round = Round {
             winner: last(&best),
@@ -89,18 +91,8 @@ impl Reference {
         Ok(Some((best, round)))
     }
 
-    pub(in crate::diagnose) fn refined(
-        &self,
-        fit: Fit,
-        data: &DVector<f64>,
-        rounds: usize,
-        count: usize,
-    ) -> Result<Priced> {
-        Ok(self.priced(self.refine(fit, data, rounds, count)?, data))
-    }
-
     /// The front in its order; where draws decide on it, more of them are made.
-    fn finish(&self, mut front: Vec<Priced>, data: &DVector<f64>) -> Result<Vec<Priced>> {
+    fn finish(&self, mut front: Vec<Priced>) -> Result<Vec<Priced>> {
         front.sort_by(cheaper);
         let unsure = |f: &Priced| self.entrant(&front[0], f).tied && drawn(&front[0], f) > UNSURE;
         let mut open: Vec<bool> = front.iter().map(unsure).collect();
@@ -110,8 +102,8 @@ impl Reference {
                 return Ok(f);
             }
             let mut fit = f.fit;
-            self.evaluate(&mut fit, data, MOST_SIMULATIONS)?;
-            Ok(self.priced(fit, data))
+            self.fitter.evaluate(&mut fit, MOST_SIMULATIONS)?;
+            Ok(self.fitter.priced(fit))
         };
         let mut front = front.into_par_iter().zip(open).map(more).collect::<Result<Vec<_>>>()?;
         front.sort_by(cheaper);
@@ -121,7 +113,7 @@ impl Reference {
     /// How a fit of which the last name is new stands beside the best one.
     pub(in crate::diagnose) fn entrant(&self, best: &Priced, f: &Priced) -> Entrant {
         // Twice the distance of two models is the deviation of the difference of their costs.
-        let apart = self.apart(best, f);
+        let apart = best.apart(f, &self.fitter.reference.metric);
         let tied = f.price - best.price < 4.0 + 2.0 * apart.min(12.0) + drawn(best, f);
         Entrant { name: last(&f.fit), misfit: f.fit.misfit, tied, apart, mean: f.fit.mean.clone() }
     }
@@ -133,10 +125,9 @@ impl Reference {
         fit: &Fit,
         metric: &Metric,
         signatures: &[&Signature],
-        data: &DVector<f64>,
     ) -> Result<Vec<(&'static str, Vec<Fit>)>> {
         let of = |fit: &Fit| -> Vec<(&'static str, Fit)> {
-            let entrants = self.entrants(fit, metric, &(data - &fit.mean), signatures);
+            let entrants = entrants(fit, metric, &(self.fitter.data - &fit.mean), signatures);
             entrants.into_iter().map(|(scale, s)| (s.candidate.name, fit.with(&s.candidate, scale))).collect()
         };
         let mut starts: Vec<(&'static str, Vec<Fit>)> =
@@ -150,7 +141,7 @@ impl Reference {
             return Ok(starts);
         }
         let mut calibrated = fit.with_calibrated_base();
-        self.evaluate(&mut calibrated, data, fit.draws()[0])?;
+        self.fitter.evaluate(&mut calibrated, fit.draws()[0])?;
         for (place, (name, fit)) in of(&calibrated).into_iter().enumerate() {
             match starts.iter_mut().find(|s| s.0 == name) {
                 Some(start) => start.1.push(fit),
@@ -160,34 +151,33 @@ impl Reference {
         }
         Ok(starts)
     }
+}
 
-    /// The candidates that promise most, each name once with its best shape and scale.
-    pub(in crate::diagnose) fn entrants<'a>(
-        &self,
-        fit: &Fit,
-        metric: &Metric,
-        off: &DVector<f64>,
-        signatures: &[&'a Signature],
-    ) -> Vec<(f64, &'a Signature)> {
-        let mut ranked: Vec<(f64, f64, &Signature)> = signatures
-            .par_iter()
-            .filter(|s| fit.lacks(s) && fit.allows(s))
-            .map(|s| promise(metric, off, s))
-            .collect();
-        ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let best = ranked.first().map_or(0.0, |r| r.0);
-        let mut entrants: Vec<(f64, &Signature)> = Vec::new();
-        if best < ENTERING {
-            return entrants;
-        }
-        for (gain, scale, signature) in ranked {
-            let known = entrants.iter().any(|e| e.1.candidate.name == signature.candidate.name);
-            if gain > PROMISING * best && !known && entrants.len() < TOURNAMENT {
-                entrants.push((scale, signature));
-            }
-        }
-        entrants
+/// The candidates that promise most, each name once with its best shape and scale.
+pub(in crate::diagnose) fn entrants<'a>(
+    fit: &Fit,
+    metric: &Metric,
+    off: &DVector<f64>,
+    signatures: &[&'a Signature],
+) -> Vec<(f64, &'a Signature)> {
+    let mut ranked: Vec<(f64, f64, &Signature)> = signatures
+        .par_iter()
+        .filter(|s| fit.lacks(s) && fit.allows(s))
+        .map(|s| promise(metric, off, s))
+        .collect();
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let best = ranked.first().map_or(0.0, |r| r.0);
+    let mut entrants: Vec<(f64, &Signature)> = Vec::new();
+    if best < ENTERING {
+        return entrants;
     }
+    for (gain, scale, signature) in ranked {
+        let known = entrants.iter().any(|e| e.1.candidate.name == signature.candidate.name);
+        if gain > PROMISING * best && !known && entrants.len() < TOURNAMENT {
+            entrants.push((scale, signature));
+        }
+    }
+    entrants
 }
 
 pub(in crate::diagnose) fn cheaper(a: &Priced, b: &Priced) -> std::cmp::Ordering {

@@ -5,18 +5,23 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::context::{Case, Judged};
+use super::round::Fate;
 use super::round::{Entrant, Round, kept_mut};
-use super::search::REMAINDER;
+use super::tournament::entrants;
 use super::tournament::{NEAR, ROUNDS_BESIDE, cheaper, last};
-use crate::diagnose::answer::diagnosis::Fate;
 use crate::diagnose::fit::draws::MEAN_SIMULATIONS;
 use crate::diagnose::fit::draws::MOST_SIMULATIONS;
 use crate::diagnose::fit::draws::SOME_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
+use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::fit::price::Priced;
 use crate::diagnose::null::metric::Metric;
 use crate::diagnose::null::signature::Signature;
 use crate::error::Result;
+
+/// Share of the first excess that a further effect must explain: an approximate signature of a strong
+/// effect leaves that much. Three times as much kept a droop from being named beside strong row noise.
+pub(super) const REMAINDER: f64 = 0.0003;
 
 /// Variance of an amplitude over what it would be if all other numbers were known, from which on others may stand in for it: a cosine of 0.9.
 const STOOD_IN_FOR: f64 = 5.0;
@@ -74,25 +79,26 @@ impl Case<'_> {
 
     /// The weakest effect without which the data are as likely, and the model without it.
     fn dispensable(&self, at: &Judged) -> Result<Option<(usize, Judged)>> {
-        let (reference, data, fit, own) = (self.reference, self.data, &at.fit, &at.own);
+        let Fitter { reference, data } = self.fitter;
+        let (fit, own) = (&at.fit, &at.own);
         let worth = DISPENSED + REMAINDER * fit.length_of(&(data - &reference.mean));
         let amplitude = |e: usize| fit.knobs_of(e).start;
         let strength = |e: usize| fit.u[amplitude(e)].abs() / own.deviations[amplitude(e)];
         let mut places: Vec<usize> = (0..fit.effects.len()).collect();
         places.sort_by(|a, b| strength(*a).total_cmp(&strength(*b)));
-        let cost = reference.priced(fit.clone(), data).cost();
+        let cost = self.fitter.priced(fit.clone()).cost();
         for place in places {
             if strength(place) > 3.0 && own.metric.inflation(amplitude(place)) < STOOD_IN_FOR {
                 continue;
             }
             let mut without = self.refitted_without(fit, place, &own.metric)?;
-            let costlier = reference.priced(without.clone(), data).cost() - cost;
+            let costlier = self.fitter.priced(without.clone()).cost() - cost;
             // Where an interval holds zero, what was fitted is no evidence, whatever it gains.
             let weak = strength(place) < 2.0 && !self.shown(at, &without, costlier)?;
             if !weak && costlier >= worth {
                 continue;
             }
-            let own = reference.own(&mut without, data)?;
+            let own = self.fitter.judged_by_itself(&mut without)?;
             let without = self.judged(without, own)?;
             // Beside a strong effect little is evidence, unless it is all that was left.
             if weak || costlier < DISPENSED || at.left || !without.left {
@@ -113,8 +119,8 @@ impl Case<'_> {
     fn refitted_without(&self, fit: &Fit, place: usize, metric: &Metric) -> Result<Fit> {
         let starts = [fit.without(place), fit.without_and_moved(place, metric)];
         let refit = |start: Fit| -> Result<Fit> {
-            let mut fit = self.reference.refine(start, self.data, ROUNDS_BESIDE[0], SOME_SIMULATIONS)?;
-            self.reference.evaluate(&mut fit, self.data, MEAN_SIMULATIONS)?;
+            let mut fit = self.fitter.refine(start, ROUNDS_BESIDE[0], SOME_SIMULATIONS)?;
+            self.fitter.evaluate(&mut fit, MEAN_SIMULATIONS)?;
             Ok(fit)
         };
         let [stayed, moved] = starts.map(refit);
@@ -125,11 +131,10 @@ impl Case<'_> {
     /// Tries other names in the place of each accepted one, now that the others are known, and takes the first that is better. Where
     /// none is, those that are as likely are ties. Whether a name was exchanged.
     fn swap(&self, at: &mut Judged, rounds: &mut [Round]) -> Result<bool> {
-        let (reference, data) = (self.reference, self.data);
         let [_, some] = draws_of_weeding(&at.fit);
         let mut with = at.fit.clone();
-        reference.evaluate(&mut with, data, some)?;
-        let with = reference.priced(with, data);
+        self.fitter.evaluate(&mut with, some)?;
+        let with = self.fitter.priced(with);
         let mut ties = Vec::new();
         for (place, (name, _)) in at.fit.effects.iter().enumerate() {
             // Nothing else makes readouts that are lost or written twice.
@@ -140,11 +145,11 @@ impl Case<'_> {
             let Some(best) = others.first() else { continue };
             let gained = with.price - best.price;
             if gained < 4.0 || at.deviance() - self.deviance(&best.fit)? < gained * HELD_OUT {
-                ties.push((*name, others.iter().map(|o| reference.entrant(&with, o)).collect()));
+                ties.push((*name, others.iter().map(|o| self.entrant(&with, o)).collect()));
                 continue;
             }
-            let before = Entrant { name, ..reference.entrant(best, &with) };
-            let others = others[1..].iter().map(|o| reference.entrant(best, o));
+            let before = Entrant { name, ..self.entrant(best, &with) };
+            let others = others[1..].iter().map(|o| self.entrant(best, o));
             let rivals = std::iter::once(before).chain(others).collect();
             *at = self.exchanged(at, best.fit.clone(), kept_mut(rounds, name), rivals)?;
             return Ok(true);
@@ -165,7 +170,7 @@ impl Case<'_> {
         round: Option<&mut Round>,
         rivals: Vec<Entrant>,
     ) -> Result<Judged> {
-        let own = self.reference.converged(&mut best, self.data)?;
+        let own = self.fitter.converged(&mut best)?;
         let next = self.judged(best, own)?;
         if let Some(round) = round {
             round.evidence = format!("in the place of {} {}", round.winner, self.evidence(at, &next));
@@ -179,23 +184,23 @@ impl Case<'_> {
 
     /// The model with other names in `place` that come near it with the one there, `with`, in the order of their prices.
     fn other_names(&self, at: &Judged, with: &Priced, place: usize) -> Result<Vec<Priced>> {
-        let (reference, data, fit) = (self.reference, self.data, &at.fit);
+        let (fitter, fit) = (&self.fitter, &at.fit);
         let all: Vec<&Signature> = self.signatures.iter().collect();
         let name = fit.effects[place].0;
         let [few, some] = draws_of_weeding(fit);
-        let without = reference.refine(fit.without(place), data, 1, few)?;
+        let without = fitter.refine(fit.without(place), 1, few)?;
         let metric = without_effect(&at.own.metric, fit, place);
-        let others = reference.entrants(&without, &metric, &(data - &without.mean), &all);
+        let others = entrants(&without, &metric, &(fitter.data - &without.mean), &all);
         let others: Vec<_> = others.into_iter().filter(|e| e.1.candidate.name != name).take(OTHERS).collect();
-        let without = reference.priced(without, data);
+        let without = fitter.priced(without);
         let halfway = 0.5 * (without.price + with.price) + NEAR;
         let enter = |(scale, s): &(f64, &Signature)| {
             let start = without.fit.with(&s.candidate, *scale);
-            let entered = reference.refined(start, data, ROUNDS_TO_ENTER, few)?;
+            let entered = fitter.refined(start, ROUNDS_TO_ENTER, few)?;
             if entered.price > halfway {
                 return Ok(None);
             }
-            reference.refined(entered.fit, data, ROUNDS_BESIDE[0] - ROUNDS_TO_ENTER, few).map(Some)
+            fitter.refined(entered.fit, ROUNDS_BESIDE[0] - ROUNDS_TO_ENTER, few).map(Some)
         };
         let fits = others.par_iter().map(enter).collect::<Result<Vec<_>>>()?;
         let fits: Vec<Priced> = fits.into_iter().flatten().collect();
@@ -203,7 +208,7 @@ impl Case<'_> {
         let drawn = NEAR + with.fit.noise_of_its_own().max(0.0);
         let front = fits.iter().map(|f| f.price).fold(with.price, f64::min) + drawn;
         let near: Vec<Fit> = fits.into_iter().filter(|f| f.price <= front).map(|f| f.fit).collect();
-        let again = near.into_par_iter().map(|f| reference.refined(f, data, ROUNDS_BESIDE[1], some));
+        let again = near.into_par_iter().map(|f| fitter.refined(f, ROUNDS_BESIDE[1], some));
         let mut others = again.collect::<Result<Vec<_>>>()?;
         others.sort_by(cheaper);
         Ok(others)
