@@ -5,7 +5,7 @@ use std::io::Cursor;
 use image::{GrayImage, ImageFormat, Luma, imageops};
 use spikelane::formats::Reader;
 use spikelane::light::srgb_code;
-use spikelane::reconstruct::{tfi, tfp};
+use spikelane::reconstruct::{tfi_at, tfp};
 use spikelane::simulate::Glance;
 use spikelane::spikes::{Packed, bit};
 use spikelane::{Error, Geometry, Kind, Result};
@@ -72,8 +72,8 @@ fn window(reader: &Reader, at: usize) -> Result<Vec<f32>> {
     tfp(Packed::new(reader.geometry(), &bytes)?, centre, HALF_WINDOW)
 }
 
-/// Four panels: the light, one readout of spikes, TFP of the noisy stream, and TFP of the clean
-/// one, or TFI of the noisy one where there is none. `full` is the rate of full-scale light. White
+/// Panels: the light, one readout of spikes, TFP of the noisy stream, and TFP of the clean one; where there is none,
+/// TFI of the noisy one, unless the stream is too short for it. `full` is the rate of full-scale light. White
 /// is what one pixel in 500 of the light exceeds, the same for all, so that dark scenes show too.
 pub fn sheet(glance: &Glance, noisy: &Reader, clean: Option<&Reader>, full: f32) -> Result<Vec<u8>> {
     let geometry = noisy.geometry();
@@ -83,24 +83,24 @@ pub fn sheet(glance: &Glance, noisy: &Reader, clean: Option<&Reader>, full: f32)
     let white = full * brightest;
     let (spikes, centre) = around(noisy, at, 0)?;
     let frame = &spikes[centre * geometry.frame_bytes()..];
-    let last = match clean {
-        Some(clean) => ("TFP CLEAN", grey(&window(clean, at)?, white, geometry)),
-        None => {
-            let (bytes, centre) = around(noisy, at, SEARCH)?;
-            let rates = tfi(Packed::new(geometry, &bytes)?, centre, SEARCH)?;
-            ("TFI NOISY", grey(&rates, white, geometry))
-        }
-    };
-    let panels = [
+    let mut panels = vec![
         ("LIGHT", grey(&light, brightest, geometry)),
         ("SPIKES", from_levels((0..geometry.pixels()).map(|p| 255 * u8::from(bit(frame, p))), geometry)),
         ("TFP NOISY", grey(&window(noisy, at)?, white, geometry)),
-        last,
     ];
+    if let Some(clean) = clean {
+        panels.push(("TFP CLEAN", grey(&window(clean, at)?, white, geometry)));
+    } else {
+        let (bytes, centre) = around(noisy, at, SEARCH)?;
+        let tfi = tfi_at(Packed::new(geometry, &bytes)?, centre, SEARCH)?;
+        if tfi.is_measurable() {
+            panels.push(("TFI NOISY", grey(&tfi.rates, white, geometry)));
+        }
+    }
     png(&arrange(&panels, geometry))
 }
 
-fn arrange(panels: &[(&str, GrayImage); 4], geometry: Geometry) -> GrayImage {
+fn arrange(panels: &[(&str, GrayImage)], geometry: Geometry) -> GrayImage {
     let (w, h) = (geometry.width() as u32 + GAP, geometry.height() as u32 + STRIP + GAP);
     let mut sheet = GrayImage::from_pixel(2 * w + GAP, 2 * h, Luma([GROUND]));
     for (i, (name, panel)) in (0..).zip(panels) {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use serde_json::json;
 use spikelane::formats::Reader;
-use spikelane::reconstruct::{isi_map, tfi, tfp};
+use spikelane::reconstruct::{isi_map, span, tfi_at, tfp};
 use spikelane::spikes::Packed;
 use spikelane::{Error, Geometry, Kind, Result, storage};
 
@@ -30,13 +30,14 @@ pub struct Args {
     output: PathBuf,
     #[command(flatten)]
     stream: StreamArgs,
-    /// tfp counts spikes in a window, tfi takes one over the interval around a moment, isi its length
+    /// tfp counts spikes in a window, span times its first to its last spike, tfi takes one over the
+    /// interval around a moment, isi its length
     #[arg(long, value_enum, default_value_t = Method::Tfp)]
     method: Method,
     /// Readout to look at [default: the middle]
     #[arg(long, value_name = "READOUT", conflicts_with = "every")]
     at: Option<usize>,
-    /// Readouts in the window of tfp; for tfi and isi, readouts searched on either side
+    /// Readouts in the window of tfp and span; for tfi and isi, readouts searched on either side
     #[arg(long, value_name = "READOUTS", value_parser = clap::value_parser!(u32).range(1..))]
     window: Option<u32>,
     /// Make a picture every so many readouts (folder, .npy and video) [default there: the window]
@@ -56,6 +57,7 @@ pub struct Args {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Method {
     Tfp,
+    Span,
     Tfi,
     Isi,
 }
@@ -64,21 +66,30 @@ impl Args {
     /// Readouts on either side that a picture needs.
     fn half(&self) -> usize {
         match (self.method, self.window) {
-            (Method::Tfp, Some(window)) => (window / 2) as usize,
-            (Method::Tfp, None) => 80,
+            (Method::Tfp | Method::Span, Some(window)) => (window / 2) as usize,
+            (Method::Tfp | Method::Span, None) => 80,
             (_, Some(search)) => search as usize,
             (_, None) => 300,
         }
     }
 
-    fn picture(&self, reader: &Reader, at: usize) -> Result<Vec<f32>> {
+    /// The picture at a readout, and whether the stream goes on far enough on both sides.
+    fn picture(&self, reader: &Reader, at: usize) -> Result<(Vec<f32>, bool)> {
         let half = self.half();
         let (bytes, centre) = around(reader, at, half)?;
         let packed = Packed::new(reader.geometry(), &bytes)?;
         match self.method {
-            Method::Tfp => tfp(packed, centre, half),
-            Method::Tfi => tfi(packed, centre, half),
-            Method::Isi => Ok(isi_map(packed, centre)?.into_iter().map(|n| n as f32).collect()),
+            Method::Tfp => Ok((tfp(packed, centre, half)?, true)),
+            Method::Span => Ok((span(packed, centre, half)?, true)),
+            Method::Tfi => {
+                let tfi = tfi_at(packed, centre, half)?;
+                let whole = tfi.is_measurable();
+                Ok((tfi.rates, whole))
+            }
+            Method::Isi => {
+                let lengths = isi_map(packed, centre)?.into_iter().map(|n| n as f32).collect();
+                Ok((lengths, tfi_at(packed, centre, half)?.is_measurable()))
+            }
         }
     }
 
@@ -139,7 +150,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     };
     let moments = args.moments(reader.readouts(), many);
     let first = args.picture(&reader, moments[0])?;
-    let white = args.white.unwrap_or_else(|| bright(&first));
+    let white = args.white.unwrap_or_else(|| bright(&first.0));
     let shown = Shown { white, geometry: reader.geometry() };
     let mut sink: Box<dyn Sink> = match target {
         Target::Png => Box::new(One { path: args.output.clone(), force: args.force, shown }),
@@ -152,18 +163,28 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         }
     };
     let mut progress = Progress::new(out, stop_flag()?);
+    let mut cut = Vec::new();
     for (i, &at) in moments.iter().enumerate() {
-        let picture = if i == 0 { first.clone() } else { args.picture(&reader, at)? };
+        let (picture, whole) = if i == 0 { first.clone() } else { args.picture(&reader, at)? };
         sink.put(at, &picture).map_err(|e| progress.cause(e))?;
+        cut.extend((!whole).then_some(at));
         reader.release(0..at.saturating_sub(args.half()));
         progress.step(i as u64 + 1, Some(moments.len() as u64))?;
     }
     sink.finish()?;
     drop(progress);
     out.say(format_args!("{}  {} of {}", args.output.display(), pictures(moments.len()), reader.geometry()));
+    if let (Some(first), Some(last)) = (cut.first(), cut.last()) {
+        out.say(format_args!(
+            "note: {} at readouts {first} to {last}: the stream ends before their pixels have a spike on either side, \
+             and shows them too dark",
+            pictures(cut.len())
+        ));
+    }
     out.event(&json!({
         "event": "done", "file": args.output.display().to_string(), "pictures": moments.len(),
         "method": format!("{:?}", args.method).to_lowercase(), "white": white, "readouts": moments,
+        "not_measurable": cut,
     }))
 }
 
