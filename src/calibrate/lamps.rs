@@ -42,7 +42,7 @@ pub(super) fn align(levels: &[Stated]) -> Option<Alignment> {
     let dark = levels.iter().find(|l| l.light == 0.0);
     let parameters = if dark.is_some() { 1 } else { 2 };
     let (n, kept) = (lit.len(), lit.len() - lit.len() / 3);
-    let told = kept < n && kept >= (n + parameters + 1) / 2;
+    let told = kept < n && kept >= (n + parameters).div_ceil(2);
     let mut line = match (dark, n) {
         (None, 0) => return None,
         (None, 1) => (lit[0].light / lit[0].found, 0.0),

@@ -40,7 +40,7 @@ impl Verdict {
     pub fn wrong(&self) -> Vec<Compared> {
         match self {
             Self::Refused(_) => Vec::new(),
-            Self::Said(all) => all.iter().copied().filter(|c| !(c.z.abs() <= WRONG)).collect(),
+            Self::Said(all) => all.iter().copied().filter(|c| c.z.is_nan() || c.z.abs() > WRONG).collect(),
         }
     }
 }

@@ -3,6 +3,7 @@
 pub(super) mod by_itself;
 pub(super) mod coupled;
 pub(super) mod draws;
+#[allow(clippy::module_inception, reason = "the fit itself is what the room is named for")]
 pub(super) mod fit;
 pub(super) mod fitter;
 pub(super) mod interval;
