@@ -3,7 +3,7 @@
 
 mod program_support;
 
-use program_support::{Place, Ran, exists};
+use program_support::{Place, Ran, exists, npy_f32};
 
 const TINY: &str = "dataset --preset tiny --sequences 1 --images 6 --label-every 3 --width 64 --height 40";
 
@@ -92,4 +92,41 @@ fn a_dataset_that_finds_no_room_says_where_and_can_be_gone_on_with() {
     assert_eq!(left, 0, "something half-written is left");
     assert!(place.good(&format!("{line} --resume")).stdout.contains("1 made, 0 verified"));
     assert!(place.good(&format!("{line} --resume")).stdout.contains("0 made, 1 verified"));
+}
+
+/// Two frames of one light each, 8 readouts apart: readout 6 is three quarters of the way.
+#[test]
+fn simulate_keeps_clear_light_that_verify_checks() {
+    let place = Place::new();
+    let values: Vec<f32> = [0.1, 0.5].iter().flat_map(|&v| [v; 16 * 8]).collect();
+    place.write("in.npy", npy_f32([2, 8, 16], &values));
+    let line = "simulate in.npy --width 16 --height 8 --readouts-per-frame 8 --insertion linear -o run";
+    place.good(&format!("{line} --images-every 6 --images-as u16"));
+    let light = image::open(place.path("run.images/000006.png")).unwrap().into_luma16();
+    // Half a code is rounding; floats hold 0.4 to 3e-8.
+    assert!((f32::from(light[(3, 3)].0[0]) - 0.4 * 65535.0).abs() <= 0.51);
+    let images = &place.json("run.json")["images"];
+    assert_eq!((&images["transfer"], &images["stored_as"]), (&"linear".into(), &"u16".into()));
+    let readouts: Vec<_> =
+        images["files"].as_array().unwrap().iter().map(|f| f["readout"].as_u64()).collect();
+    assert_eq!(readouts, [Some(0), Some(6), Some(12)]);
+    place.good("verify run.json");
+    place.write("run.images/000012.png", "cut");
+    place.refused("verify run.json", 9, &["000012.png"]);
+}
+
+#[test]
+fn images_of_an_earlier_run_are_replaced_only_by_force_and_only_images() {
+    let place = Place::new();
+    let line = "simulate --source chart --width 32 --height 16 --readouts 20 -o run --images-every";
+    place.good(&format!("{line} 10"));
+    place.refused(&format!("{line} 5"), 7, &["--force"]);
+    place.good(&format!("{line} 19 --images-as f32 --force"));
+    let mut left: Vec<_> =
+        std::fs::read_dir(place.path("run.images")).unwrap().map(|e| e.unwrap().file_name()).collect();
+    left.sort();
+    assert_eq!(left, ["000000.npy", "000019.npy"]);
+    place.write("run.images/notes.txt", "mine");
+    place.refused(&format!("{line} 10 --force"), 7, &["notes.txt"]);
+    assert_eq!(place.read("run.images/notes.txt"), b"mine");
 }

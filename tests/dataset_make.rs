@@ -4,7 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-use spikelane::dataset::{self, Drives, Inputs, Layout, Manifest, Options, Record, Report, Status, Work};
+use spikelane::dataset::{
+    self, Drives, Images, Inputs, Layout, Manifest, Options, Record, Report, Status, Work,
+};
 use spikelane::light::{Fit, Insertion};
 use spikelane::scene::Lighting;
 use spikelane::{Error, Geometry, Kind, Result, presets};
@@ -16,6 +18,7 @@ fn options(output: &Path, work: Work) -> Options {
         output: output.to_owned(),
         work,
         camera,
+        images: Images::default(),
         seed: 5,
         camera_seed: 1,
         layout: Layout::SpikeCv,

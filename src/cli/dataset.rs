@@ -7,9 +7,10 @@ use std::time::{Duration, Instant};
 use clap::builder::PossibleValuesParser;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
-use spikelane::dataset::{self, Drives, Estimate, Inputs, Layout, Options, Progress, Report, Work};
+use spikelane::dataset::{self, Drives, Estimate, Images, Inputs, Layout, Options, Progress, Report, Work};
 use spikelane::light::{Fit, Insertion, Transfer};
 use spikelane::scene::Lighting;
+use spikelane::simulate::ImageForm;
 use spikelane::{Error, Kind, Result, presets};
 
 use super::camera::Changes;
@@ -96,7 +97,14 @@ pub struct Args {
     /// Seed of the fixed pattern that all sequences share
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub camera_seed: u64,
-    /// Which loaders find their folders: spikecv or spike-zoo
+    /// Keep the clear light of every N-th readout as images/READOUT [default: of scenes every image, of given inputs none]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub images_every: Option<u64>,
+    /// How clear images are stored: u8 (PNG, sRGB), u16 (PNG, linear) or f32 (npy, linear)
+    #[arg(long, value_name = "FORM", default_value = "u8")]
+    pub images_as: ImageForm,
+    /// Which loaders find their folders, and whose codes ground truth has: spikecv (255 is rate 1), or
+    /// spike-zoo (255 is rate 0.6, for which the light is exposed)
     #[arg(long, default_value = "spikecv")]
     pub layout: Layout,
     /// Share of the sequences that are for testing
@@ -227,6 +235,7 @@ impl Args {
             output: self.output.clone(),
             work: self.work(),
             camera: self.changes.apply(presets::load(&self.camera)?)?,
+            images: Images { every: self.images_every, form: self.images_as },
             seed: self.seed,
             camera_seed: self.camera_seed,
             layout: self.layout,

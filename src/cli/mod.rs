@@ -11,6 +11,7 @@ mod diagnose;
 mod effects;
 mod evaluate;
 mod first_run;
+mod images;
 mod inspect;
 mod light;
 mod man;

@@ -6,13 +6,16 @@ use std::time::Instant;
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
 use spikelane::formats::{Layout, Reader};
+use spikelane::light::Frame;
 use spikelane::sensor::FrontEnd;
 use spikelane::simulate::{
-    Ahead, CameraFacts, FrameRef, Outcome, Run, Sidecar, StreamFacts, Written, save_camera,
+    Ahead, CameraFacts, FrameRef, Looks, Outcome, Run, Sidecar, StreamFacts, Written, run_looking,
+    save_camera,
 };
 use spikelane::{Backend, Camera, Error, Kind, Plan, Result, Seeds, Simulator, storage};
 
 use super::camera::CameraArgs;
+use super::images::{self, ImageArgs};
 use super::light::{Light, LightArgs};
 use super::output::{Out, bytes_text, command_line};
 use super::picture;
@@ -43,6 +46,8 @@ pub struct Args {
     /// Also write the noise-free twin
     #[arg(long)]
     pub clean: bool,
+    #[command(flatten)]
+    pub images: ImageArgs,
     /// How frames lie in the file
     #[arg(long, value_name = "LAYOUT", default_value = "dat",
           value_parser = PossibleValuesParser::new(Layout::ALL.map(Layout::name)))]
@@ -69,6 +74,7 @@ pub struct Names {
     pub sidecar: PathBuf,
     pub picture: PathBuf,
     pub camera: PathBuf,
+    pub images: PathBuf,
 }
 
 impl Names {
@@ -85,6 +91,7 @@ impl Names {
             sidecar: name(".json"),
             picture: name(".png"),
             camera: name(".camera"),
+            images: name(".images"),
         }
     }
 
@@ -94,8 +101,9 @@ impl Names {
         all.into_iter().filter(|(_, wanted)| *wanted).map(|(path, _)| path.as_path()).collect()
     }
 
-    fn refuse_existing(&self, clean: bool) -> Result<()> {
-        let taken = self.files(clean).into_iter().find(|path| path.symlink_metadata().is_ok());
+    fn refuse_existing(&self, clean: bool, images: bool) -> Result<()> {
+        let images = images.then_some(self.images.as_path());
+        let taken = self.files(clean).into_iter().chain(images).find(|path| path.symlink_metadata().is_ok());
         match taken {
             None => Ok(()),
             Some(path) => Err(Error::new(Kind::Exists, path.display())
@@ -116,7 +124,10 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
             .expected("a stem, such as out/run"));
     }
     if !args.dry_run && !args.force {
-        names.refuse_existing(args.clean)?;
+        names.refuse_existing(args.clean, args.images.images_every.is_some())?;
+    }
+    if args.images.images_every.is_some() {
+        images::check(&names.images)?;
     }
     // From here on a request to stop is answered in order.
     let stop = stop_flag()?;
@@ -182,7 +193,10 @@ fn simulate(args: &Args, job: &Run, light: Light, stop: Stop, names: &Names, out
     let mut source = Ahead::new(light.source, stop)?;
     let start = Instant::now();
     let mut watch = |done, total| progress.step(done, total);
-    let ran = spikelane::simulate::run(job, &mut source, &names.noisy, clean, &mut watch);
+    let mut images = images::Folder::begin(args.images, &names.images)?;
+    let mut keep = |readout: u64, light: &Frame| images.as_mut().map_or(Ok(()), |i| i.keep(readout, light));
+    let looks = args.images.images_every.map(|every| Looks { every, keep: &mut keep });
+    let ran = run_looking(job, &mut source, &names.noisy, clean, looks, &mut watch);
     let outcome = ran.map_err(|e| progress.cause(e))?;
     drop(progress);
     let seconds = start.elapsed().as_secs_f64();
@@ -190,10 +204,12 @@ fn simulate(args: &Args, job: &Run, light: Light, stop: Stop, names: &Names, out
         save_camera(&job.camera, &names.camera, args.force)?;
     }
     picture(args, job, &outcome, layout, names)?;
+    let images = images.map(images::Folder::finish).transpose()?;
     let geometry = job.camera.sensor.geometry;
     let facts_of = |written: &Written| StreamFacts::new(written, geometry, outcome.readouts);
     let sidecar = Sidecar {
         readout_hz: Some(job.camera.sensor.readout_hz),
+        images,
         clean: outcome.clean.as_ref().map(facts_of),
         seeds: Some(Sidecar::seed_facts(job.seeds)),
         light: Some(spikelane::simulate::LightFacts {
@@ -261,6 +277,12 @@ fn report(
         let left = names.clean.display();
         out.say(format_args!(
             "note: {left} is of an earlier run and was left as it was; --clean makes a new one"
+        ));
+    }
+    if sidecar.images.is_none() && names.images.exists() {
+        let left = names.images.display();
+        out.say(format_args!(
+            "note: {left} is of an earlier run and was left as it was; --images-every makes new ones"
         ));
     }
     if let Some(wanted) = job.readouts.filter(|&n| n > o.readouts) {

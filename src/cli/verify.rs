@@ -13,7 +13,7 @@ use super::output::Out;
 /// Check streams against their sidecars
 ///
 /// Compares the digest of every byte, then reads every frame. Exit code 9 when a file is not what
-/// its sidecar says. A sidecar may be named in place of its streams.
+/// its sidecar says. A sidecar may be named in place of its streams; its clear images are then checked too.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Stream files, or sidecars (.json)
@@ -53,11 +53,29 @@ fn check(path: &Path) -> Vec<Checked> {
             Ok(sidecar) => {
                 let streams = [Some(&sidecar.stream), sidecar.clean.as_ref()];
                 let check = |facts: &StreamFacts| compare(&path.with_file_name(&facts.file), &sidecar, facts);
-                streams.into_iter().flatten().map(check).collect()
+                let mut checked: Vec<Checked> = streams.into_iter().flatten().map(check).collect();
+                checked.extend(pictures(path, &sidecar).err().map(Err));
+                checked
             }
         };
     }
     vec![beside(path)]
+}
+
+/// Compares the clear images that the sidecar lists.
+fn pictures(path: &Path, sidecar: &Sidecar) -> Result<()> {
+    let Some(images) = &sidecar.images else { return Ok(()) };
+    for image in &images.files {
+        let file = path.with_file_name(&images.folder).join(&image.file);
+        let digest = storage::Digest::of_file(&file)?;
+        if digest != image.digest {
+            return Err(Error::new(Kind::Corrupt, file.display())
+                .found(digest)
+                .expected(format_args!("{}, as the sidecar says", image.digest))
+                .remedy("the image was changed or cut; copy or simulate it again"));
+        }
+    }
+    Ok(())
 }
 
 fn beside(path: &Path) -> Checked {

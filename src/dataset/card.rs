@@ -1,6 +1,6 @@
 //! The papers that go with a dataset: datasheet and licence.
 
-use crate::dataset::{Manifest, Options, Status, Work};
+use crate::dataset::{Layout, Manifest, Options, Status, Work};
 use crate::error::Result;
 use crate::storage;
 
@@ -40,16 +40,19 @@ fn datasheet(options: &Options, manifest: &Manifest) -> String {
     format!(
         "# Datasheet\n\n## What it is\n\n{origin}\n\n| | |\n|---|---|\n| sequences for training | {} |\n\
          | sequences for testing | {} |\n| set aside | {failed} |\n| readouts | {readouts} |\n\
-         | bytes | {bytes} |\n| camera | {} |\n| size, width x height | {} |\n| readouts a second | {} |\n\
+         | bytes | {bytes} |\n| rate of ground truth 255 | {} |\n| camera | {} |\n| size, width x height | {} |\n| readouts a second | {} |\n\
          | effects | {} |\n| seed, camera seed | {}, {} |\n| licence | {} |\n| made by | spikelane {} |\n\n\
          ## How it lies\n\n`manifest.jsonl` lists all sequences. `sequences/ID/stream.dat` is the noisy stream, \
          `stream.clean.dat` its noise-free twin\nwith the same start phase; both have no header, one bit per pixel, least \
-         significant bit first, bottom row first.\n`stream.json` says how they were made. `clear.png` is the light near the \
-         middle of the stream, 8-bit sRGB; `images/NNNNNN.png`\nthe light at readout NNNNNN, and `labels/NNNNNN.*` what is \
+         significant bit first, bottom row first.\n`stream.json` says how they were made. `clear.png` is the light of \
+         readout floor(readouts / 2), counted from 0, 8-bit sRGB;\n`gt.png`, linked as `gt/ID.png`, is the same light with codes \
+         proportional to the rate: spikes per pixel and readout are\n{} times code / 255{}; \
+         where a code is 255 the light may be brighter.\n`images/NNNNNN.*` is the light at readout NNNNNN, and `labels/NNNNNN.*` what is \
          seen at readout NNNNNN. `record.json` holds the digest of every\nfile. `train` and `test` hold links for loaders.\n\n\
          ## What it is not\n\nSimulated: no camera took it. A network trained on it should be tested on recordings.\n",
         count("train"),
         count("test"),
+        options.layout.rate_at_255(),
         options.camera.name,
         sensor.geometry,
         sensor.readout_hz,
@@ -58,5 +61,21 @@ fn datasheet(options: &Options, manifest: &Manifest) -> String {
         options.camera_seed,
         options.licence.as_deref().unwrap_or("none chosen"),
         env!("CARGO_PKG_VERSION"),
+        options.layout.rate_at_255(),
+        loader(options),
     )
+}
+
+/// How the loader of the layout is told of the rate.
+fn loader(options: &Options) -> String {
+    let geometry = options.camera.sensor.geometry;
+    match options.layout {
+        Layout::SpikeCv => ", as SpikeCV's own pictures are".to_owned(),
+        Layout::SpikeZoo => format!(
+            " (`BaseDatasetConfig(width={}, height={}, rate={})` of Spike-Zoo)",
+            geometry.width(),
+            geometry.height(),
+            options.layout.rate_at_255()
+        ),
+    }
 }

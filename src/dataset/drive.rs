@@ -84,6 +84,26 @@ impl Drive {
         self.white_cd_m2
     }
 
+    /// The light of one readout, rendered for it, in units of the white luminance.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] beyond the last readout; as [`Scene::render`].
+    pub fn light(&self, readout: u64) -> Result<Frame> {
+        let at =
+            usize::try_from(readout).ok().filter(|&r| r < self.plan.readouts.len()).ok_or_else(|| {
+                Error::new(Kind::Usage, format_args!("readout {readout}"))
+                    .expected(format_args!("less than {}", self.plan.readouts.len()))
+            })?;
+        let scale = 1.0 / self.white_cd_m2;
+        let light = self.render(at)?.light.into_iter().map(|v| v * scale).collect();
+        Frame::new(self.geometry, Samples::F32(light))
+    }
+
+    /// Exposes all light by `factor`, which is positive: full scale then is a luminance so much higher.
+    pub(super) fn expose(&mut self, factor: f32) {
+        self.white_cd_m2 /= factor;
+    }
+
     fn render(&self, readout: usize) -> Result<Rendered> {
         self.scene.render(self.plan.readouts[readout], self.samples, self.threads)
     }

@@ -15,7 +15,7 @@ pub(super) fn place(options: &Options, entry: &Entry) -> Result<()> {
     let split = options.output.join(&entry.split);
     link(&sequence.join("stream.dat"), &split.join("spike"), &format!("{}.dat", entry.id))?;
     link(&sequence.join("stream.clean.dat"), &split.join("clean"), &format!("{}.dat", entry.id))?;
-    link(&sequence.join("clear.png"), &split.join("gt"), &format!("{}.png", entry.id))
+    link(&sequence.join("gt.png"), &split.join("gt"), &format!("{}.png", entry.id))
 }
 
 /// Takes a sequence out of them.

@@ -8,6 +8,7 @@
 mod card;
 mod drive;
 mod from;
+mod images;
 mod labels;
 mod layout;
 mod manifest;
@@ -15,9 +16,11 @@ mod options;
 mod record;
 mod run;
 mod sequence;
+mod truth;
 
 pub use drive::Drive;
 pub use from::{Input, inputs};
+pub use images::Images;
 pub use manifest::{Entry, Manifest, Status};
 pub use options::{Drives, Estimate, Inputs, Layout, Options, Work};
 pub use record::Record;

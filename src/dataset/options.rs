@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use crate::dataset::sequence;
+use crate::dataset::{Images, sequence, truth};
 use crate::draws::hash::mix64;
 use crate::draws::{Seeds, Stream};
 use crate::effects::Camera;
@@ -159,6 +159,8 @@ pub struct Options {
     pub camera: Camera,
     /// Everything follows from this seed.
     pub seed: u64,
+    /// Clear images that are kept.
+    pub images: Images,
     /// Which camera of the kind: fixes the fixed pattern of all sequences.
     pub camera_seed: u64,
     /// Folders of loaders.
@@ -196,6 +198,7 @@ impl Options {
             Work::Drives(d) => d.sequences == 0 || d.readouts() == 0,
             Work::Inputs(i) => i.readouts_per_frame == 0,
         };
+        let empty = empty || self.images.every == Some(0);
         if empty || !(0.0..=1.0).contains(&self.test_share) {
             return Err(Error::new(Kind::Usage, "dataset")
                 .found(if empty { "nothing to make" } else { "a share outside 0 to 1" })
@@ -265,6 +268,8 @@ impl Options {
         Ok(json!({
             "work": work, "camera": presets::to_toml(&self.camera)?.text, "seed": self.seed,
             "camera_seed": self.camera_seed, "layout": self.layout.name(), "test_share": self.test_share,
+            "ground_truth": truth::facts(self.layout),
+            "images": { "every": self.images.every, "as": self.images.form.name() },
             "version": env!("CARGO_PKG_VERSION"),
         }))
     }

@@ -64,18 +64,22 @@ fn expected_bytes(options: &Options, readouts: Option<u64>) -> Result<Option<u64
     let geometry = options.camera.sensor.geometry;
     let streams = 2 * StreamLayout::Dat.file_bytes(geometry, readouts)?;
     let pixels = geometry.pixels() as u64;
+    let kept = options.images.form.bytes_per_pixel();
     let rest = match &options.work {
         Work::Drives(d) => {
-            let images = u64::from(d.images);
+            let every = options.images.every.unwrap_or(u64::from(d.readouts_per_image)).max(1);
+            let images = readouts.div_ceil(every);
             // A grey PNG of a street takes about two thirds of a byte per pixel; a labelled image 9
             // bytes of maps, and twice 9 bytes of flow with its mask.
-            let picture = pixels * 2 / 3 + if d.npy { 4 * pixels } else { 0 };
-            let labelled = images.checked_div(u64::from(d.label_every)).map_or(0, |n| n + 1);
+            let picture = pixels * kept * 2 / 3 + if d.npy { 4 * pixels } else { 0 };
+            let labelled = u64::from(d.images).checked_div(u64::from(d.label_every)).map_or(0, |n| n + 1);
             // KITTI's pictures: depth and twice flow; EXR: three floats.
             let label = 27 + if d.kitti { 8 } else { 0 } + if d.exr { 12 } else { 0 };
             images * picture + labelled * label * pixels
         }
-        Work::Inputs(_) => pixels,
+        Work::Inputs(_) => {
+            2 * pixels + options.images.every.map_or(0, |n| readouts.div_ceil(n.max(1)) * pixels * kept)
+        }
     };
     Ok(Some(streams + rest))
 }

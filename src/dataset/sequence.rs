@@ -1,21 +1,19 @@
 //! One sequence: its streams, images and labels, in a folder that appears when it is whole.
 
 use std::fs::{self, File};
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use image::{ExtendedColorType, ImageEncoder};
 use serde_json::{Value, json};
 
-use crate::dataset::labels::{self, write};
-use crate::dataset::{Drive, Drives, Entry, Inputs, Options, Record, Work};
-use crate::draws::Seeds;
-use crate::error::{Error, Kind, Result};
+use crate::dataset::images::Keeper;
+use crate::dataset::labels;
+use crate::dataset::truth::{self, Dimmed};
+use crate::dataset::{Drive, Drives, Entry, Inputs, Layout, Options, Record, Work};
+use crate::error::{Error, Result};
 use crate::formats::Layout as StreamLayout;
-use crate::light::{self, Frame, Insertion, Rate, Source, Timeline};
-use crate::scene::{self, Scene, SceneOptions};
-use crate::simulate::{CameraFacts, LightFacts, Outcome, Run, Sidecar, StreamFacts, run};
-use crate::spikes::Geometry;
+use crate::light::{self, Frame, Insertion, Samples, Source, Timeline};
+use crate::scene::{Scene, SceneOptions};
+use crate::simulate::{CameraFacts, LightFacts, Looks, Outcome, Run, Sidecar, StreamFacts, run_looking};
 
 /// Hears of readouts done, and may stop the work.
 pub(super) type Watch<'a> = &'a mut dyn FnMut(u64, Option<u64>) -> Result<()>;
@@ -74,62 +72,6 @@ fn sync(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Passes light on and keeps every `every`th frame as a clear image.
-struct Tap<'a> {
-    source: &'a mut dyn Source,
-    every: u64,
-    npy: bool,
-    folder: PathBuf,
-    middle: u64,
-    next: u64,
-}
-
-impl Source for Tap<'_> {
-    fn geometry(&self) -> Geometry {
-        self.source.geometry()
-    }
-    fn frames(&self) -> Option<u64> {
-        self.source.frames()
-    }
-    fn rate(&self) -> Option<Rate> {
-        self.source.rate()
-    }
-    fn describe(&self) -> String {
-        self.source.describe()
-    }
-    fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
-        if !self.source.next_frame(into)? {
-            return Ok(false);
-        }
-        if self.next.is_multiple_of(self.every) {
-            let light = into.to_f32();
-            let png = picture(&light, into.geometry())?;
-            write(&self.folder, &format!("images/{:06}.png", self.next), &png)?;
-            if self.next == self.middle {
-                write(&self.folder, "clear.png", &png)?;
-            }
-            if self.npy {
-                let shape = [into.geometry().height(), into.geometry().width()];
-                let bytes = scene::labels::npy_f32(&shape, &light)?;
-                write(&self.folder, &format!("images/{:06}.npy", self.next), &bytes)?;
-            }
-        }
-        self.next += 1;
-        Ok(true)
-    }
-}
-
-/// An 8-bit sRGB picture of linear light.
-pub(super) fn picture(light: &[f32], geometry: Geometry) -> Result<Vec<u8>> {
-    let code = |&x: &f32| (light::srgb_code(x) * 255.0 + 0.5) as u8;
-    let codes: Vec<u8> = light.iter().map(code).collect();
-    let mut out = Cursor::new(Vec::new());
-    image::codecs::png::PngEncoder::new(&mut out)
-        .write_image(&codes, geometry.width() as u32, geometry.height() as u32, ExtendedColorType::L8)
-        .map_err(|e| Error::new(Kind::Input, "clear image").found(e))?;
-    Ok(out.into_inner())
-}
-
 /// What every scene of the dataset is asked to be.
 pub(super) fn scene_options(options: &Options, drives: &Drives) -> Result<SceneOptions> {
     let geometry = options.camera.sensor.geometry;
@@ -158,15 +100,15 @@ fn drive(
     let seed = entry.scene_seed.unwrap_or_else(|| options.scene_seed(&entry.id));
     let scene = Scene::random(seed, &scene_options(options, drives)?)?;
     let mut drive = Drive::new(scene, rate, readouts, drives.white_cd_m2, drives.samples, options.threads)?;
-    let images = folder.join("images");
-    fs::create_dir_all(&images).map_err(|e| Error::io(images.display(), e))?;
-    let every = u64::from(drives.readouts_per_image);
-    let middle = (readouts / 2) / every * every;
-    let mut tap =
-        Tap { source: &mut drive, every, npy: drives.npy, folder: folder.to_owned(), middle, next: 0 };
+    if options.layout == Layout::SpikeZoo {
+        let by = truth::exposure(options, &drive.light(readouts / 2)?);
+        drive.expose(by);
+    }
     let timeline = Timeline::per_frame(1, Insertion::Hold)?;
-    let seeds = options.seeds(&entry.id);
-    let outcome = streams(options, seeds, timeline, &mut tap, folder, &mut *watch)?;
+    let every = options.images.every.unwrap_or(u64::from(drives.readouts_per_image));
+    let mut keeper = Keeper::new(options, Some(every), drives.npy, folder)?;
+    let outcome = streams(options, entry, timeline, &mut drive, &mut keeper, &mut *watch)?;
+    truth::write_both(options, &outcome.glance.frame, folder)?;
     let mut labelled = Vec::new();
     if drives.label_every > 0 {
         let wanted = labels::Wanted {
@@ -184,7 +126,9 @@ fn drive(
         "kind": "drive", "scene_seed": seed, "lighting": drive.scene().lighting().name(),
         "white_cd_m2": drive.white_cd_m2(), "vehicles": drive.scene().vehicles(),
         "readouts": outcome.readouts, "readouts_per_image": drives.readouts_per_image,
-        "image_readouts": "the number in the file's name", "clear_readout": middle,
+        "image_readouts": "the number in the file's name", "clear_readout": readouts / 2,
+        "clear_transfer": "srgb",
+        "ground_truth": truth::facts(options.layout), "images": keeper.facts(),
         "label_readouts": labelled, "max_px_per_readout": plan.max_px_per_readout,
         "key_frames": plan.keys.len(), "too_fast": plan.too_fast(),
         "needed_readout_hz": plan.needed_hz(rate.hz()) as u64,
@@ -203,47 +147,80 @@ fn input(
     let name = entry.input.as_deref().unwrap_or_default();
     let mut how = light::Options::of(&options.camera);
     (how.fit, how.transfer) = (inputs.fit, inputs.transfer);
-    let mut source = light::open(&inputs.folder.join(name), &how)?;
+    let path = inputs.folder.join(name);
+    let open = || light::open(&path, &how);
     let timeline = Timeline::per_frame(inputs.readouts_per_frame, inputs.insertion)?;
-    let seeds = options.seeds(&entry.id);
-    let outcome = streams(options, seeds, timeline, &mut *source, folder, watch)?;
+    let by = input_exposure(options, &open, timeline)?;
+    let mut source = open()?;
+    let mut source = Dimmed { source: &mut *source, by };
+    let mut keeper = Keeper::new(options, options.images.every, false, folder)?;
+    let outcome = streams(options, entry, timeline, &mut source, &mut keeper, watch)?;
     let glance = &outcome.glance;
-    write(folder, "clear.png", &picture(&glance.frame.to_f32(), glance.frame.geometry())?)?;
+    let middle = outcome.readouts / 2;
+    if glance.readout == middle {
+        truth::write_both(options, &glance.frame, folder)?;
+    } else if let Some(frame) = truth::middle(&open, timeline, Some(outcome.readouts))? {
+        truth::write_both(options, &Dimmed::frame(&frame, by)?, folder)?;
+    }
     let about = json!({
         "kind": "input", "input": name, "frames": outcome.frames, "readouts": outcome.readouts,
-        "readouts_per_frame": inputs.readouts_per_frame, "clear_readout": glance.readout,
+        "readouts_per_frame": inputs.readouts_per_frame, "clear_readout": middle, "clear_transfer": "srgb",
+        "ground_truth": truth::facts(options.layout), "light_scale": by, "images": keeper.facts(),
         "frames_beyond_greatest_light": outcome.too_bright,
     });
     Ok((about, outcome.readouts))
 }
 
+/// The exposure of given light; only floats can be brighter than white, and only they are looked at twice.
+fn input_exposure(
+    options: &Options,
+    open: &dyn Fn() -> Result<Box<dyn Source>>,
+    timeline: Timeline,
+) -> Result<f32> {
+    let mut source = open()?;
+    let mut first = Frame::dark(source.geometry());
+    let floats = source.next_frame(&mut first)? && matches!(first.samples(), Samples::F32(_));
+    drop(source);
+    if options.layout != Layout::SpikeZoo || !floats {
+        return Ok(1.0);
+    }
+    let middle = truth::middle(open, timeline, None)?;
+    Ok(middle.map_or(1.0, |light| truth::exposure(options, &light)))
+}
+
 /// The noisy and the clean stream with their sidecar.
 fn streams(
     options: &Options,
-    seeds: Seeds,
+    entry: &Entry,
     timeline: Timeline,
     source: &mut dyn Source,
-    folder: &Path,
+    keeper: &mut Keeper,
     watch: Watch<'_>,
 ) -> Result<Outcome> {
-    let mut job = Run::new(options.camera.clone(), seeds, timeline);
+    let (camera, seeds) = (truth::exposed(options), options.seeds(&entry.id));
+    let folder = keeper.folder.clone();
+    let mut job = Run::new(camera.clone(), seeds, timeline);
     job.layout = StreamLayout::Dat;
     job.threads = options.threads;
-    let outcome =
-        run(&job, source, &folder.join("stream.dat"), Some(&folder.join("stream.clean.dat")), watch)?;
+    let (noisy, clean) = (folder.join("stream.dat"), folder.join("stream.clean.dat"));
+    let every = keeper.every;
+    let mut keep = |readout: u64, light: &Frame| keeper.keep(readout, light);
+    let looks = every.map(|every| Looks { every, keep: &mut keep });
+    let outcome = run_looking(&job, source, &noisy, Some(&clean), looks, watch)?;
     let geometry = options.camera.sensor.geometry;
     let facts = |w| StreamFacts::new(w, geometry, outcome.readouts);
     let mut sidecar = Sidecar::new(geometry, job.layout, outcome.readouts, facts(&outcome.noisy));
     sidecar.readout_hz = Some(options.camera.sensor.readout_hz);
     sidecar.clean = outcome.clean.as_ref().map(facts);
     sidecar.seeds = Some(Sidecar::seed_facts(seeds));
-    sidecar.camera = Some(CameraFacts::new(&options.camera)?);
-    let electrons = options.camera.operating(0.0).electrons;
+    sidecar.camera = Some(CameraFacts::new(&camera)?);
+    let electrons = camera.operating(0.0).electrons;
+    sidecar.images = keeper.facts();
     sidecar.light = Some(LightFacts {
         insertion: format!("{:?}", timeline.insertion()).to_lowercase(),
         readouts_per_frame: timeline.readouts(1).map(|n| n.to_string()),
         frames: outcome.frames,
-        exposure_electrons: electrons * options.camera.sensor.thresholds_at_full_scale,
+        exposure_electrons: electrons * camera.sensor.thresholds_at_full_scale,
         greatest_light: outcome.greatest_light,
         frames_beyond_greatest_light: outcome.too_bright,
         ..LightFacts::of(source)

@@ -1,0 +1,156 @@
+//! Ground truth: which light it shows, and in which codes loaders expect it.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use crate::dataset::labels::write;
+use crate::dataset::{Layout, Options};
+use crate::effects::Camera;
+use crate::error::Result;
+use crate::light::{Frame, Rate, Samples, Source, Timeline};
+use crate::sensor::FrontEnd;
+use crate::simulate::{ImageForm, light_at, linear_png};
+use crate::spikes::Geometry;
+
+/// Share of the pixels that may have code 255 though the sensor still tells their light, less a
+/// tenth for what warping changes of a drawn picture.
+const CUT_SHARE: f64 = 0.9e-3;
+
+/// Light from which a code rounds to 255.
+const WHITE: f32 = 254.5 / 255.0;
+
+/// One exposure and the next shorter one that is tried.
+const STEP: f32 = 0.99;
+
+impl Layout {
+    /// The rate, in spikes per pixel and readout, for which code 255 of the ground truth stands.
+    ///
+    /// Spike-Zoo divides reconstructed rates by the `rate` of its configuration, 0.6 by default, before it
+    /// compares them with code / 255. SpikeCV's pictures are 255 times the rate, and its PSNR compares codes.
+    #[must_use]
+    pub const fn rate_at_255(self) -> f64 {
+        match self {
+            Self::SpikeCv => 1.0,
+            Self::SpikeZoo => 0.6,
+        }
+    }
+}
+
+/// The camera of `options`, exposed so that light 1.0 has no greater rate than code 255 can say.
+///
+/// SpikeCV's code 255 is the greatest rate that there is; nothing needs to change for it.
+pub(super) fn exposed(options: &Options) -> Camera {
+    let mut camera = options.camera.clone();
+    if options.layout == Layout::SpikeZoo {
+        let full = &mut camera.sensor.thresholds_at_full_scale;
+        *full = full.min(options.layout.rate_at_255());
+    }
+    camera
+}
+
+/// What codes stand for, for manifests and records.
+pub(super) fn facts(layout: Layout) -> Value {
+    json!({
+        "file": "gt.png", "transfer": "linear", "rate_at_255": layout.rate_at_255(),
+        "readout": "floor(readouts / 2), counted from 0",
+    })
+}
+
+/// Writes `clear.png` and `gt.png` from the light of the middle readout.
+pub(super) fn write_both(options: &Options, light: &Frame, folder: &Path) -> Result<()> {
+    let (values, geometry) = (light.to_f32(), light.geometry());
+    write(folder, "clear.png", &ImageForm::U8.encode(&values, geometry)?)?;
+    let full = exposed(options).sensor.thresholds_at_full_scale / options.layout.rate_at_255();
+    let codes: Vec<f32> = values.iter().map(|&x| x * full as f32).collect();
+    write(folder, "gt.png", &linear_png(&codes, geometry)?)
+}
+
+/// The greatest factor, at most 1, that light can be exposed with so that code 255 cuts no more than it may.
+///
+/// Lamps that saturate the sensor itself are not counted: no exposure that shows the rest would save them.
+pub(super) fn exposure(options: &Options, light: &Frame) -> f32 {
+    let integers = !matches!(light.samples(), Samples::F32(_));
+    if options.layout != Layout::SpikeZoo || integers {
+        // The greatest rate is as far as the pixel goes; what integers say ends at white.
+        return 1.0;
+    }
+    let values = light.to_f32();
+    let rate = exposed(options).sensor.thresholds_at_full_scale as f32;
+    let white = WHITE * options.layout.rate_at_255() as f32;
+    let most = (values.len() as f64 * CUT_SHARE) as usize;
+    let cut = |by: f32| values.iter().filter(|&&x| (white..1.0).contains(&(x * rate * by))).count();
+    let mut by = 1.0;
+    // Ends: the brightest light is finite, and below white nothing is cut.
+    while cut(by) > most {
+        by *= STEP;
+    }
+    by
+}
+
+/// The light of the middle readout of `source`, which has given no frame yet; `again` opens it once more
+/// where only its end tells how long it is.
+pub(super) fn middle(
+    open: &dyn Fn() -> Result<Box<dyn Source>>,
+    timeline: Timeline,
+    readouts: Option<u64>,
+) -> Result<Option<Frame>> {
+    let mut source = open()?;
+    let readouts = match readouts.or(source.frames().and_then(|n| timeline.readouts(n))) {
+        Some(readouts) => readouts,
+        None => {
+            let mut frame = Frame::dark(source.geometry());
+            let mut frames = 0;
+            while source.next_frame(&mut frame)? {
+                frames += 1;
+            }
+            source = open()?;
+            timeline.readouts(frames).unwrap_or(0)
+        }
+    };
+    if readouts == 0 { Ok(None) } else { light_at(&mut *source, timeline, readouts / 2).map(Some) }
+}
+
+/// Light of a source times a factor of at most 1.
+pub(super) struct Dimmed<'a> {
+    pub source: &'a mut dyn Source,
+    pub by: f32,
+}
+
+impl Dimmed<'_> {
+    /// Dims a frame; integers at 1.0 stay what they are.
+    pub fn frame(frame: &Frame, by: f32) -> Result<Frame> {
+        if by >= 1.0 {
+            return Ok(frame.clone());
+        }
+        Frame::new(frame.geometry(), Samples::F32(frame.to_f32().into_iter().map(|x| x * by).collect()))
+    }
+}
+
+impl Source for Dimmed<'_> {
+    fn geometry(&self) -> Geometry {
+        self.source.geometry()
+    }
+    fn frames(&self) -> Option<u64> {
+        self.source.frames()
+    }
+    fn rate(&self) -> Option<Rate> {
+        self.source.rate()
+    }
+    fn front_end(&self) -> FrontEnd {
+        self.source.front_end()
+    }
+    fn describe(&self) -> String {
+        if self.by >= 1.0 {
+            return self.source.describe();
+        }
+        format!("{}, its light exposed by {}", self.source.describe(), self.by)
+    }
+    fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
+        let found = self.source.next_frame(into)?;
+        if found && self.by < 1.0 {
+            *into = Self::frame(into, self.by)?;
+        }
+        Ok(found)
+    }
+}
