@@ -1,21 +1,31 @@
 #!/usr/bin/env python3
-"""Loads a generated dataset with the clients of the field, and reconstructs it with their own code.
+"""Loads a generated dataset with the client its layout is for, and reconstructs it with the client's own code.
 
     pip install spikezoo
     git clone https://github.com/Zyj061/SpikeCV
-    spikelane dataset -o set --preset tiny --images 200 --label-every 0
-    python tests/clients/read_dataset.py set --spikecv SpikeCV
+    spikelane dataset -o set --preset tiny --images 200 --label-every 0 --layout spike-zoo
+    python tests/clients/read_dataset.py set
+    spikelane dataset -o set-cv --preset tiny --images 200 --label-every 0
+    python tests/clients/read_dataset.py set-cv --spikecv SpikeCV
 
-Spike-Zoo: its BaseDataset finds streams and clear images, its TFPModel makes the picture.
+Spike-Zoo: its BaseDataset finds streams and clear images, its TFPModel makes the picture, which is divided
+by the rate that the data set hands out, as its pipeline does.
 SpikeCV: data_parameter_dict reads config.yaml and finds the clear image, SpikeStream decodes,
-its TFP makes the picture. Nothing of this file decodes a bit. A picture counts as read when it
-correlates with the clear image, upright, by more than 0.8 and by more than upside down and
-mirrored. Exits with 1 if one does not. Without --spikecv only Spike-Zoo is asked, and that is said.
+its TFP makes the picture, its calculate_psnr compares. Nothing of this file decodes a bit.
+
+A picture counts as read when it correlates with the clear image, upright, by more than 0.8 and by more than
+upside down and mirrored. Of the clean stream, PSNR is also at least what counting and motion allow, less 1 dB: n readouts
+at rate r hold one of two whole counts, whose variance over start phases is f (1 - f) with f the fraction of
+n r; a picture cut to whole codes adds 1/3 of a squared code, ground truth rounded to codes 1/12. The kept
+images say how the scene moves meanwhile, so an image of every readout is needed. The 1 dB is for light above white and for
+errors that go together; sRGB codes are 10 dB and more below.
+Exits with 1 if a picture is not read or scores less.
 """
 
 import argparse
 import contextlib
 import io
+import json
 import os
 import sys
 import tempfile
@@ -27,12 +37,32 @@ import numpy as np
 import torch
 
 
-def judge(client, name, picture, clear):
+# Of both clients' TFP; the default of Spike-Zoo's.
+READOUTS = 41
+
+
+def allowed_db(root, sequence, clear, rate, codes):
+    """PSNR that counting and motion allow; `codes` if the picture is cut to whole codes of 255."""
+    folder = root / "sequences" / sequence
+    middle = json.loads((folder / "record.json").read_text())["about"]["clear_readout"]
+    near = range(middle - READOUTS // 2, middle + READOUTS // 2 + 1)
+    seen = np.mean([light(folder / "images" / f"{readout:06}.png") for readout in near], axis=0)
+    part = READOUTS * seen * rate % 1.0
+    error = part * (1.0 - part) / (READOUTS * rate) ** 2 + (seen - clear) ** 2
+    return -10 * np.log10(error.mean() + (1 / 12 + codes / 3) / 255**2)
+
+
+def light(path):
+    """Linear light of an 8-bit sRGB picture."""
+    code = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) / 255
+    return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+
+
+def judge(client, name, picture, clear, psnr, least):
     """One line of the result; whether the picture is the clear image's."""
-    light = np.where(clear <= 0.04045, clear / 12.92, ((clear + 0.055) / 1.055) ** 2.4)
     picture = np.asarray(picture, dtype=np.float64)
     found = {
-        way: np.corrcoef(turned.ravel(), light.ravel())[0, 1]
+        way: np.corrcoef(turned.ravel(), clear.ravel())[0, 1]
         for way, turned in (
             ("upright", picture),
             ("upside down", picture[::-1]),
@@ -41,7 +71,11 @@ def judge(client, name, picture, clear):
     }
     good = found["upright"] > max(0.8, found["upside down"], found["mirrored"])
     told = ", ".join(f"{value:.4f} {way}" for way, value in found.items())
-    print(f"{client}  {name}  {picture.shape[1]}x{picture.shape[0]}  {told}  {'read' if good else 'NOT READ'}")
+    score = f"PSNR {psnr:.2f} dB"
+    if least is not None:
+        good = good and psnr >= least - 1.0
+        score += f", counting and motion allow {least:.2f}"
+    print(f"{client}  {name}  {picture.shape[1]}x{picture.shape[0]}  {told}  {score}  {'read' if good else 'NOT READ'}")
     return good
 
 
@@ -49,37 +83,53 @@ def spike_zoo(root, width, height):
     from spikezoo.archs.tfp.nets import TFPModel
     from spikezoo.datasets.base_dataset import BaseDataset, BaseDatasetConfig
 
-    for split in ("train", "test"):
-        data = BaseDataset(BaseDatasetConfig(root_dir=root, width=width, height=height))
-        data.build_source(split)
-        for i, path in enumerate(data.spike_list):
-            item = data[i]
-            picture = TFPModel()(item["spike"][None])[0, 0].numpy()
-            yield judge("Spike-Zoo", f"{split}/{path.stem}", picture, item["gt_img"][0].numpy())
+    for folder in ("spike", "clean"):
+        for split in ("train", "test"):
+            config = BaseDatasetConfig(root_dir=root, width=width, height=height, spike_dir_name=folder)
+            data = BaseDataset(config)
+            data.build_source(split)
+            for i, path in enumerate(data.spike_list):
+                item = data[i]
+                tfp = TFPModel(READOUTS)
+                clear = item["gt_img"][0].numpy().astype(np.float64)
+                picture = np.clip(tfp(item["spike"][None])[0, 0].numpy() / item["rate"], 0, 1)
+                psnr = -10 * np.log10(((picture - clear) ** 2).mean())
+                least = allowed_db(root, path.stem, clear, item["rate"], False) if folder == "clean" else None
+                yield judge("Spike-Zoo", f"{split}/{folder}/{path.stem}", picture, clear, psnr, least)
 
 
 def spike_cv(root, clone):
-    sys.path.insert(0, str(clone))
+    # Its metrics are imported as its examples do.
+    sys.path[:0] = [str(clone), str(clone / "SpikeCV")]
     with tempfile.TemporaryDirectory() as place:
-        # SpikeCV looks for data in ../spkData/datasets from where it is run.
+        # SpikeCV looks for data in ../spkData/datasets from where it is run. It knows one name for the
+        # folder of streams, so the clean ones get it in a copy.
         datasets = Path(place) / "spkData" / "datasets"
-        datasets.mkdir(parents=True)
-        (datasets / root.name).symlink_to(root)
+        for kind in ("noisy", "clean"):
+            for split in ("train", "test"):
+                (datasets / kind / split).mkdir(parents=True)
+                (datasets / kind / split / "spike").symlink_to(root / split / ("spike" if kind == "noisy" else kind))
+                (datasets / kind / split / "gt").symlink_to(root / split / "gt")
+            (datasets / kind / "config.yaml").symlink_to(root / "config.yaml")
         (Path(place) / "examples").mkdir()
         back = Path.cwd()
         os.chdir(Path(place) / "examples")
+        from metrics.reconsturction import calculate_psnr
         from SpikeCV.spkData.load_dat import SpikeStream, data_parameter_dict
         from SpikeCV.spkProc.reconstruction.tfp import TFP
 
-        for path in sorted(root.glob("*/spike/*.dat")):
-            name = path.relative_to(root)
-            found = data_parameter_dict(f"{root.name}/{name}", "reconstruction")
-            with contextlib.redirect_stdout(io.StringIO()):
-                spikes = SpikeStream(**found).get_spike_matrix()
-            tfp = TFP(found["spike_h"], found["spike_w"], torch.device("cpu"))
-            picture = tfp.spikes2frame(np.ascontiguousarray(spikes), len(spikes) // 2, 20)
-            clear = cv2.imread(found["labeled_data_dir"], cv2.IMREAD_GRAYSCALE) / 255
-            yield judge("SpikeCV  ", f"{name.parts[0]}/{path.stem}", picture, clear)
+        for kind in ("noisy", "clean"):
+            for split in ("train", "test"):
+                for path in sorted((datasets / kind / split / "spike").glob("*.dat")):
+                    found = data_parameter_dict(f"{kind}/{split}/spike/{path.name}", "reconstruction")
+                    with contextlib.redirect_stdout(io.StringIO()):
+                        spikes = SpikeStream(**found).get_spike_matrix()
+                    tfp = TFP(found["spike_h"], found["spike_w"], torch.device("cpu"))
+                    picture = tfp.spikes2frame(np.ascontiguousarray(spikes), len(spikes) // 2, READOUTS // 2)
+                    clear = cv2.imread(found["labeled_data_dir"], cv2.IMREAD_GRAYSCALE)
+                    psnr = calculate_psnr(picture, clear)
+                    least = allowed_db(root, path.stem, clear / 255, 1.0, True) if kind == "clean" else None
+                    yield judge("SpikeCV  ", f"{split}/{kind}/{path.stem}", picture, clear / 255, psnr, least)
         os.chdir(back)
 
 
@@ -90,14 +140,14 @@ def main():
     arguments = arguments.parse_args()
     root = arguments.dataset.resolve()
     clone = arguments.spikecv and arguments.spikecv.resolve()
-    keys = dict(line.split(": ", 1) for line in (root / "config.yaml").read_text().splitlines())
-    print(f"spikezoo {version('spikezoo')}, torch {torch.__version__}")
-    results = list(spike_zoo(root, int(keys["spike_w"]), int(keys["spike_h"])))
+    print(f"torch {torch.__version__}")
     if clone:
-        results += spike_cv(root, clone)
+        results = list(spike_cv(root, clone))
     else:
-        print("SpikeCV was not asked: no --spikecv")
-    print(f"{len(results)} sequences loaded, {results.count(False)} of them wrong")
+        sidecar = json.loads(next(root.glob("sequences/*/stream.json")).read_text())
+        print(f"spikezoo {version('spikezoo')}")
+        results = list(spike_zoo(root, sidecar["width"], sidecar["height"]))
+    print(f"{len(results)} streams loaded, {results.count(False)} of them wrong")
     return 1 if not results or False in results else 0
 
 
