@@ -178,9 +178,8 @@ fn pictures(args: &Args, reader: &Reader, at: usize, truth: Option<&Truth>) -> R
 /// Why a TFI picture cannot be judged.
 fn open(tfi: &Tfi) -> Option<String> {
     let (open, all) = (tfi.open_pixels, tfi.rates.len());
-    (!tfi.is_measurable()).then(|| {
-        format!("the stream ends before {open} of {all} pixels have a spike on either side of the readout")
-    })
+    (!tfi.is_measurable())
+        .then(|| format!("the stream begins or ends within the interval of {open} of {all} pixels"))
 }
 
 /// Every finished sequence, and the mean over each kind of stream.

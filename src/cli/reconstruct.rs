@@ -174,18 +174,23 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     sink.finish()?;
     drop(progress);
     out.say(format_args!("{}  {} of {}", args.output.display(), pictures(moments.len()), reader.geometry()));
-    if let (Some(first), Some(last)) = (cut.first(), cut.last()) {
-        out.say(format_args!(
-            "note: {} at readouts {first} to {last}: the stream ends before their pixels have a spike on either side, \
-             and shows them too dark",
-            pictures(cut.len())
-        ));
-    }
+    say_cut(&cut, out);
     out.event(&json!({
         "event": "done", "file": args.output.display().to_string(), "pictures": moments.len(),
         "method": format!("{:?}", args.method).to_lowercase(), "white": white, "readouts": moments,
         "not_measurable": cut,
     }))
+}
+
+/// Warns of pictures that the ends of the stream leave open.
+fn say_cut(cut: &[usize], out: &Out) {
+    let (Some(first), Some(last)) = (cut.first(), cut.last()) else { return };
+    let place =
+        if first == last { format!("readout {first}") } else { format!("readouts {first} to {last}") };
+    out.say(format_args!(
+        "note: {} at {place} not to be trusted: the stream begins or ends within the intervals of too many pixels",
+        pictures(cut.len())
+    ));
 }
 
 fn pictures(n: usize) -> String {

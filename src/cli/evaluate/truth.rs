@@ -39,7 +39,9 @@ impl Truth {
     }
 
     pub fn json(&self) -> Value {
-        serde_json::json!({ "transfer": self.transfer.to_string(), "transfer_from": self.from, "full": self.full })
+        // The shortest digits that are this f32, not those of the f64 nearest to it.
+        let full = self.full.to_string().parse::<f64>().unwrap_or(self.full.into());
+        serde_json::json!({ "transfer": self.transfer.to_string(), "transfer_from": self.from, "full": full })
     }
 
     pub fn line(&self) -> String {
