@@ -1,7 +1,9 @@
 //! Reconstructions against plain loops over single bits.
 
 use proptest::prelude::*;
-use spikelane::reconstruct::{TfpSequence, difference_noise, isi_map, patch_noise, psnr, ssim, tfi, tfp};
+use spikelane::reconstruct::{
+    TfpSequence, difference_noise, isi_map, patch_noise, psnr, span, ssim, tfi, tfi_at, tfp,
+};
 use spikelane::{Geometry, Kind, Packed};
 
 prop_compose! {
@@ -45,7 +47,51 @@ fn naive_interval(packed: Packed, at: usize, search: usize, r: usize, c: usize) 
     (at - before <= search && after - at <= search).then_some(after - before)
 }
 
+/// All spikes of the window listed; by count where one or none is there.
+fn naive_span(packed: Packed, at: usize, half: usize) -> Vec<f32> {
+    let near: Vec<_> = (0..packed.readouts()).filter(|t| t.abs_diff(at) <= half).collect();
+    let rate = |(r, c): (usize, usize)| {
+        let fired: Vec<usize> = near.iter().copied().filter(|t| packed.get(*t, r, c)).collect();
+        match fired.as_slice() {
+            [first, .., last] => (fired.len() - 1) as f64 / (last - first) as f64,
+            _ => fired.len() as f64 / near.len() as f64,
+        }
+    };
+    pixels(packed).map(|p| rate(p) as f32).collect()
+}
+
+/// Whether the end of the stream keeps a pixel's interval open: a side is silent, and no silent side was
+/// searched to its end.
+fn naive_open(packed: Packed, at: usize, search: usize, r: usize, c: usize) -> bool {
+    let fires = |t: &usize| packed.get(*t, r, c);
+    let before = (0..=at).rev().take(search + 1).any(|t| fires(&t));
+    let after = (at + 1..packed.readouts()).take(search).any(|t| fires(&t));
+    let (cut_before, cut_after) = (at < search, at + search >= packed.readouts());
+    (!before || !after) && (before || cut_before) && (after || cut_after)
+}
+
 proptest! {
+    #[test]
+    fn span_equals_listing_the_spikes((g, bytes) in stream(), at in 0_usize..40, half in 0_usize..50) {
+        let packed = Packed::new(g, &bytes).unwrap();
+        let at = at % packed.readouts();
+        let rates = span(packed, at, half).unwrap();
+        prop_assert!(rates.iter().all(|r| (0.0..=1.0).contains(r)));
+        prop_assert_eq!(rates, naive_span(packed, at, half));
+    }
+
+    #[test]
+    fn intervals_left_open_are_those_that_an_end_cuts(
+        (g, bytes) in stream(), at in 0_usize..40, search in 1_usize..25,
+    ) {
+        let packed = Packed::new(g, &bytes).unwrap();
+        let at = at % packed.readouts();
+        let wanted = pixels(packed).filter(|(r, c)| naive_open(packed, at, search, *r, *c)).count();
+        let found = tfi_at(packed, at, search).unwrap();
+        prop_assert_eq!(found.open_pixels, wanted);
+        prop_assert!(wanted > 0 || found.is_measurable());
+    }
+
     #[test]
     fn tfp_equals_counting((g, bytes) in stream(), at in 0_usize..40, half in 0_usize..50) {
         let packed = Packed::new(g, &bytes).unwrap();
@@ -103,6 +149,62 @@ fn readouts_beyond_the_stream_and_an_empty_search_are_usage_errors() {
     assert_eq!(tfi(packed, 4, 1).unwrap_err().kind(), Kind::Usage);
     assert_eq!(tfi(packed, 0, 0).unwrap_err().kind(), Kind::Usage);
     assert_eq!(isi_map(packed, 4).unwrap_err().kind(), Kind::Usage);
+    assert_eq!(span(packed, 4, 1).unwrap_err().kind(), Kind::Usage);
+}
+
+/// Integrators of rate `f` from every start phase, 4,096 of them, over `readouts` readouts.
+fn integrators(f: f64, readouts: usize) -> (Geometry, Vec<u8>) {
+    let geometry = Geometry::new(64, 64).unwrap();
+    let mut bytes = vec![0; readouts * geometry.frame_bytes()];
+    for (t, frame) in bytes.chunks_exact_mut(geometry.frame_bytes()).enumerate() {
+        for p in 0..4096 {
+            let phase = (p as f64 + 0.5) / 4096.0;
+            if (phase + f * (t + 1) as f64).floor() > (phase + f * t as f64).floor() {
+                spikelane::spikes::set_bit(frame, p);
+            }
+        }
+    }
+    (geometry, bytes)
+}
+
+/// A span of `n` intervals ends in two roundings to whole readouts, a variance of 1/6 where the ends fall evenly, so
+/// the rate is off by `f^2 / (sqrt(6) n)`. How evenly they fall depends on the fractional part of `1 / f`, and `n` is one of
+/// two numbers: these rates are between 0.7 and 1.2 of that. A count is off by `sqrt(x (1 - x)) / W`, `x` the
+/// fractional part of `f W`. Phases are a grid of 4,096: sums over them are exact to 1e-3.
+#[test]
+fn the_span_rate_is_off_by_the_rounding_of_its_ends_only() {
+    for f in [0.0713, 0.137, 0.2217, 0.3371] {
+        let (g, bytes) = integrators(f, 41);
+        let packed = Packed::new(g, &bytes).unwrap();
+        let off = |rates: Vec<f32>| {
+            (rates.iter().map(|r| (f64::from(*r) - f).powi(2)).sum::<f64>() / 4096.0).sqrt()
+        };
+        let (by_span, by_count) = (off(span(packed, 20, 20).unwrap()), off(tfp(packed, 20, 20).unwrap()));
+        let ends = f * f / (6.0_f64.sqrt() * (41.0 * f - 1.0));
+        assert!((0.7..1.3).contains(&(by_span / ends)), "{f}: {by_span} for {ends}");
+        let x = (41.0 * f).fract();
+        let counted = (x * (1.0 - x)).sqrt() / 41.0;
+        assert!((by_count / counted - 1.0).abs() < 0.01, "{f}: {by_count} for {counted}");
+        assert!(by_span < by_count / 2.0, "{f}: {by_span} and {by_count}");
+    }
+}
+
+/// In the middle of 100 readouts all intervals of up to 11 are closed; five readouts before either end a third of
+/// them and more are open.
+#[test]
+fn tfi_counts_in_the_middle_of_a_stream_and_not_at_its_ends() {
+    let (g, bytes) = integrators(0.0951, 100);
+    let packed = Packed::new(g, &bytes).unwrap();
+    for (at, wanted) in [(0, false), (5, false), (15, true), (50, true), (85, true), (94, false), (99, false)]
+    {
+        let found = tfi_at(packed, at, 300).unwrap();
+        assert_eq!(found.is_measurable(), wanted, "at {at}: {} open", found.open_pixels);
+    }
+    // Silence that was searched to its end is darkness, not a missing end.
+    let dark = vec![0; 100 * g.frame_bytes()];
+    let packed = Packed::new(g, &dark).unwrap();
+    assert!(tfi_at(packed, 50, 40).unwrap().is_measurable());
+    assert!(!tfi_at(packed, 50, 60).unwrap().is_measurable());
 }
 
 /// Two related pictures from a small congruential generator.
