@@ -1,0 +1,32 @@
+//! Counting, spans and intervals side by side: how near pictures of spikes come to the light.
+//!
+//! `cargo run --release --example study-pictures -- [PAGE]` prints the tables, or writes them between the marks of PAGE. Recordings
+//! of real cameras are read from the folder that `SPIKELANE_REAL_DATA` names; without it that table is left as it is.
+
+mod real;
+mod score;
+mod simulated;
+
+use score::Row;
+
+fn main() {
+    let page = std::env::args().nth(1);
+    put(page.as_deref(), "simulated", &simulated::rows());
+    match std::env::var_os("SPIKELANE_REAL_DATA") {
+        Some(folder) => put(page.as_deref(), "real", &real::rows(folder.as_ref())),
+        None => eprintln!("skipped: the real recordings, since SPIKELANE_REAL_DATA is unset"),
+    }
+}
+
+fn put(page: Option<&str>, name: &str, rows: &[Row]) {
+    let table = score::table(rows);
+    let Some(page) = page else {
+        println!("{table}");
+        return;
+    };
+    let (start, end) = (format!("<!-- {name} -->\n"), format!("<!-- end of {name} -->"));
+    let text = std::fs::read_to_string(page).unwrap_or_else(|e| panic!("{page}: {e}"));
+    let (before, rest) = text.split_once(&start).expect("the page has marks for its tables");
+    let (_, after) = rest.split_once(&end).expect("the tables have an end");
+    std::fs::write(page, format!("{before}{start}{table}{end}{after}")).unwrap();
+}
