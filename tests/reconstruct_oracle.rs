@@ -167,10 +167,19 @@ fn integrators(f: f64, readouts: usize) -> (Geometry, Vec<u8>) {
     (geometry, bytes)
 }
 
-/// A span of `n` intervals ends in two roundings to whole readouts, a variance of 1/6 where the ends fall evenly, so
-/// the rate is off by `f^2 / (sqrt(6) n)`. How evenly they fall depends on the fractional part of `1 / f`, and `n` is one of
-/// two numbers: these rates are between 0.7 and 1.2 of that. A count is off by `sqrt(x (1 - x)) / W`, `x` the
-/// fractional part of `f W`. Phases are a grid of 4,096: sums over them are exact to 1e-3.
+/// The mean squared error of the span rate of even phases in a window of `w` readouts. A window holds one of two numbers of intervals, `n`,
+/// and such a span lasts `n / f` rounded down or up, up with the fraction of `n / f` as its chance.
+fn span_error_squared(f: f64, w: f64) -> f64 {
+    let (spikes, one_more) = ((w * f).floor(), (w * f).fract());
+    let of = |n: f64| {
+        let (low, up) = ((n / f).floor(), (n / f).fract());
+        (1.0 - up) * (n / low - f).powi(2) + up * (n / (low + 1.0) - f).powi(2)
+    };
+    (1.0 - one_more) * of(spikes - 1.0) + one_more * of(spikes)
+}
+
+/// A count is off by `sqrt(x (1 - x)) / W`, `x` the fractional part of `f W`. The law of the span takes the number of intervals and the
+/// rounding as independent, which they are not quite: by hand, with 4,096 phases, its root is 1 to 4 % off at these rates.
 #[test]
 fn the_span_rate_is_off_by_the_rounding_of_its_ends_only() {
     for f in [0.0713, 0.137, 0.2217, 0.3371] {
@@ -180,8 +189,8 @@ fn the_span_rate_is_off_by_the_rounding_of_its_ends_only() {
             (rates.iter().map(|r| (f64::from(*r) - f).powi(2)).sum::<f64>() / 4096.0).sqrt()
         };
         let (by_span, by_count) = (off(span(packed, 20, 20).unwrap()), off(tfp(packed, 20, 20).unwrap()));
-        let ends = f * f / (6.0_f64.sqrt() * (41.0 * f - 1.0));
-        assert!((0.7..1.3).contains(&(by_span / ends)), "{f}: {by_span} for {ends}");
+        let ends = span_error_squared(f, 41.0).sqrt();
+        assert!((by_span / ends - 1.0).abs() < 0.06, "{f}: {by_span} for {ends}");
         let x = (41.0 * f).fract();
         let counted = (x * (1.0 - x)).sqrt() / 41.0;
         assert!((by_count / counted - 1.0).abs() < 0.01, "{f}: {by_count} for {counted}");

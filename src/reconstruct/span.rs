@@ -10,7 +10,7 @@ use crate::spikes::{Packed, span_rate};
 /// either side of `centre`, row-major: [`span_rate`].
 ///
 /// Both ends of the span are spikes, so of a steady pixel only their rounding to whole readouts is left:
-/// `f^2 / (sqrt(6) n)` of a rate `f` over `n` intervals, where counting ([`crate::reconstruct::tfp`])
+/// some `f^2 / (sqrt(6) n)` of a rate `f` over `n` intervals (less where `n / f` is nearly whole), where counting ([`crate::reconstruct::tfp`])
 /// is off by `1 / (sqrt(6) W)` in a window of `W` readouts, about `1 / f` times as much.
 ///
 /// A pixel with one spike or none in the window has no span and gets the count over the window's length, 1/W or
