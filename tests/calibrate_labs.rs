@@ -12,7 +12,7 @@ use judge::{Verdict, judge};
 use lab::Lab;
 use rayon::prelude::*;
 
-/// Two laboratories of each kind but four of one. A wrong value lies five of its errors from the truth: of some 300 values of right ones
+/// One laboratory or two of each kind. A wrong value lies five of its errors from the truth: of some 300 values with normal errors
 /// chance puts none there in 99.98 % of all suites.
 #[test]
 fn what_is_said_of_a_random_laboratory_is_right_or_nothing_is_said() {

@@ -108,6 +108,58 @@ fn a_level_that_contradicts_the_others_is_named() {
     assert!(text.contains("flat_0.5") && text.contains("other levels give"), "{text}");
 }
 
+/// Every pixel was flagged before the levels had moved: all were left out, and the camera was NaN.
+#[test]
+fn a_level_off_by_a_twentieth_of_a_per_cent_loses_no_pixel() {
+    let (folder, path) = record(&flats(&[0.0, 0.1, 0.3, 0.6, 0.9], 4000));
+    let text = std::fs::read_to_string(&path).unwrap().replace("light = 0.3", "light = 0.30015");
+    let off = folder.path().join("off.toml");
+    std::fs::write(&off, text).unwrap();
+    let [exact, found] = [path, off].map(|p| {
+        let observed = observe(&RecordingSet::open(&p).unwrap(), &mut |_, _| {}).unwrap();
+        calibrate(&observed, &Options::default()).unwrap()
+    });
+    assert_eq!(found.misfits, exact.misfits);
+    assert!(found.unknown().is_empty() && found.levels.iter().all(|l| !l.wrong), "{:?}", found.levels);
+    // The other three lamps leave a quarter of 5e-4 in the scale.
+    let by = found.population.mean_a.value / exact.population.mean_a.value - 1.0;
+    assert!((by.abs() - 1.25e-4).abs() < 1e-5, "{by}");
+}
+
+#[test]
+fn a_level_off_by_a_tenth_is_named_and_sets_no_scale() {
+    let (folder, path) = record(&flats(&[0.0, 0.1, 0.3, 0.6, 0.9], 4000));
+    let text = std::fs::read_to_string(&path).unwrap().replace("light = 0.3", "light = 0.33");
+    let off = folder.path().join("off.toml");
+    std::fs::write(&off, text).unwrap();
+    let observed = observe(&RecordingSet::open(&off).unwrap(), &mut |_, _| {}).unwrap();
+    let found = calibrate(&observed, &Options::default()).unwrap();
+    let wrong: Vec<f64> = found.levels.iter().filter(|l| l.wrong).map(|l| l.stated).collect();
+    assert_eq!(wrong, [0.33]);
+    // Each pixel's rate is known to 1e-4; 1,536 of them, and the others' lamps are exact.
+    assert!((found.levels[2].found() / 0.3 - 1.0).abs() < 1e-3, "{:?}", found.levels[2]);
+    assert!(found.notes.iter().any(|n| n.contains("flat_0.3") && n.contains("off")), "{:?}", found.notes);
+}
+
+/// By counts below three spikes the mean is 0.00225: two spikes are counted where they happen to be two, and three are timed.
+#[test]
+fn slow_pixels_have_their_rate_in_the_mean_over_phases() {
+    let (rate, readouts, phases) = (0.0025, 1000, 4096);
+    let fired = |p: u32| {
+        let start = (f64::from(p) + 0.5) / f64::from(phases);
+        let before = |t: u32| (start + rate * f64::from(t)).floor();
+        (0..readouts).filter(|t| before(t + 1) > before(*t)).collect::<Vec<u32>>()
+    };
+    let all: Vec<Vec<u32>> = (0..phases).map(fired).collect();
+    let count = all.iter().map(|t| t.len() as u32).collect();
+    let [first, last] =
+        [|t: &Vec<u32>| t[0], |t: &Vec<u32>| t[t.len() - 1]].map(|of| all.iter().map(of).collect::<Vec<_>>());
+    let level = spikelane::calibrate::Level::from_counts("dark", 0.0, readouts, count, &first, &last);
+    let mean = level.rate.iter().sum::<f64>() / f64::from(phases);
+    // A span of 400 readouts is rounded to whole ones.
+    assert!((mean / rate - 1.0).abs() < 2e-3, "{mean}");
+}
+
 #[test]
 fn levels_in_per_cent_are_found_out() {
     let (folder, path) = record(&flats(&[0.0, 0.1, 0.3], 500));

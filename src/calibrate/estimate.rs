@@ -322,16 +322,22 @@ impl<'a> Fitter<'a> {
     }
 
     /// Pixels whose dark rate lies six robust deviations above the median.
-    pub(super) fn hot(&self) -> Vec<usize> {
+    fn hot(&self) -> Vec<usize> {
         let (centre, spread) =
             median_and_spread(&mut finite(&self.fits.iter().map(|f| f.d).collect::<Vec<_>>()));
         (0..self.fits.len()).filter(|p| self.fits[*p].d > centre + 6.0 * spread).collect()
     }
 
-    /// Moments over pixels without a defect: these have a list of their own, and a few hot ones would double the spread of all.
-    fn population(&self) -> Population {
+    /// Whether each pixel has no defect: it lies on a line, and it is not hot.
+    pub(super) fn usual(&self) -> Vec<bool> {
         let mut usual: Vec<bool> = self.fits.iter().map(|f| !f.robust).collect();
         self.hot().into_iter().for_each(|p| usual[p] = false);
+        usual
+    }
+
+    /// Moments over pixels without a defect: these have a list of their own, and a few hot ones would double the spread of all.
+    fn population(&self) -> Population {
+        let usual = self.usual();
         Population::of(self.fits.iter().zip(&usual).filter(|(_, usual)| **usual).map(|(fit, _)| fit))
     }
 

@@ -23,9 +23,11 @@ impl Fitter<'_> {
     /// Threshold noise and quanta from interval variance: dark levels have no light's
     /// quanta, dim ones have both.
     pub(super) fn measure_noise(&mut self) {
+        // A hot pixel has the most intervals of all in the dark, and noise of its own.
+        let usual = self.usual();
         let (mut dark, mut lit) = (None, Vec::new());
         for level in &self.observed.levels {
-            let Some(mean) = self.level_noise(level) else { continue };
+            let Some(mean) = self.level_noise(level, &usual) else { continue };
             if level.light == 0.0 { dark = Some(mean) } else { lit.push(mean) }
         }
         // Weighted mean over the dim levels of what thresholds leave to the quanta.
@@ -118,7 +120,7 @@ impl Fitter<'_> {
         }
     }
 
-    fn level_noise(&self, level: &Level) -> Option<Growth> {
+    fn level_noise(&self, level: &Level, usual: &[bool]) -> Option<Growth> {
         let map = &level.noise.as_ref()?.map;
         // The variance of a pixel's estimate falls with the number of its intervals; of few, it falls
         // faster, as they tell growth badly from the constant.
@@ -126,9 +128,6 @@ impl Fitter<'_> {
             n if n < 32.0 => (n - 4.0).max(0.0).powi(2) / 28.0,
             n => n - 4.0,
         };
-        // A hot pixel has the most intervals of all in the dark, and noise of its own.
-        let mut usual: Vec<bool> = self.fits.iter().map(|f| !f.robust).collect();
-        self.hot().into_iter().for_each(|p| usual[p] = false);
         let good: Vec<usize> =
             (0..map.len()).filter(|p| usual[*p] && map[*p].is_finite() && level.rate[*p] < 0.2).collect();
         let total: f64 = good.iter().map(|p| weight(*p)).sum();

@@ -7,7 +7,7 @@ use crate::sensor::Sensor;
 
 /// A rule is told if the share of the bias lies within so many errors of it,
 const AGREES: f64 = 4.0;
-/// and at least so many from the other: one wrong rule in thirty thousand.
+/// and at least so many from the other: one wrong rule in thirty thousand, as far as the error is right.
 const EXCLUDED: f64 = 4.0;
 
 impl Fitter<'_> {
@@ -24,16 +24,16 @@ impl Fitter<'_> {
         }
         // The nominal rule: what the thermal noise of a capacitor does.
         self.noise.redrawn = Redrawn::EveryReset;
-        let why = match (share.error.is_finite(), share.error < 0.5) {
-            (false, _) => "too few pixels fired twice in the dark".to_owned(),
-            (_, true) if distance(own) > AGREES => format!(
-                "{:.2} +- {:.2} of the rate that a redraw at every readout adds was found, which contradicts both rules",
-                share.value, share.error
-            ),
-            _ => format!(
-                "{:.2} +- {:.2} of the rate that a redraw at every readout adds was found",
-                share.value, share.error
-            ),
+        let why = if share.error.is_finite() {
+            let contradicts = distance(own) > AGREES && distance(other) > AGREES;
+            format!(
+                "{:.2} +- {:.2} of the rate that a redraw at every readout adds was found{}",
+                share.value,
+                share.error,
+                if contradicts { ", which contradicts both rules" } else { "" }
+            )
+        } else {
+            "too few pixels fired twice in the dark".to_owned()
         };
         self.notes.push(format!(
             "Whether threshold noise is redrawn at every readout or at every reset is not told: {why}. The camera file takes the nominal rule, every reset."

@@ -29,12 +29,17 @@ impl Fitter<'_> {
     pub(super) fn lamps(&self, scale: f64, shift: f64) -> Vec<Lamp> {
         let lamp = |(k, level): (usize, &Level)| {
             let offset = self.offsets[k];
-            let common = if level.light == 0.0 { 0.0 } else { (scale * level.light).hypot(shift) };
+            let error = offset.error.max((scale * level.light).hypot(shift));
+            // The dark is dark.
+            let deviation = match level.light {
+                0.0 => Estimate { value: 0.0, error: 0.0, ..offset },
+                _ => Estimate { error, ..offset },
+            };
             Lamp {
                 file: level.name.clone(),
                 stated: level.light,
                 uncertainty: if level.light == 0.0 { 0.0 } else { self.uncertainty(k) },
-                deviation: Estimate { error: offset.error.max(common), ..offset },
+                deviation,
                 wrong: self.wrong[k],
                 saturated: self.saturated[k],
             }
