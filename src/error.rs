@@ -3,6 +3,8 @@
 //! Every error says which thing was wrong, what was found there, what was
 //! expected, and what to do. The kind decides the exit code of the program.
 
+mod nearest;
+
 use std::fmt;
 
 /// What sort of mistake it is; see `docs/errors.md` for the exit codes.
@@ -30,6 +32,22 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// The name in the program's JSON.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Usage => "usage",
+            Self::Config => "config",
+            Self::Input => "input",
+            Self::Io => "io",
+            Self::Space => "space",
+            Self::Exists => "exists",
+            Self::Tool => "tool",
+            Self::Corrupt => "corrupt",
+            Self::Interrupted => "interrupted",
+        }
+    }
+
     /// The exit code of the program for this kind of error.
     #[must_use]
     pub const fn exit_code(self) -> u8 {
@@ -107,6 +125,15 @@ impl Error {
     pub fn remedy(mut self, remedy: impl fmt::Display) -> Self {
         self.remedy = remedy.to_string();
         self
+    }
+
+    /// Asks whether the nearest of `names` was meant, where one is near enough to `word`.
+    #[must_use]
+    pub fn or_nearest<'a>(self, word: &str, names: impl IntoIterator<Item = &'a str>) -> Self {
+        match nearest::nearest(word, names) {
+            Some(name) => self.remedy(format_args!("did you mean {name}?")),
+            None => self,
+        }
     }
 
     /// The same error about something inside `outer`, as `outer: subject`.

@@ -5,7 +5,7 @@ mod program_support;
 
 use program_support::{Place, Ran, exists, npy_f32};
 
-const TINY: &str = "dataset --preset tiny --sequences 1 --images 6 --label-every 3 --width 64 --height 40";
+const TINY: &str = "dataset --kind tiny --sequences 1 --images 6 --label-every 3 --width 64 --height 40";
 
 #[test]
 fn a_scene_becomes_pictures_of_light_and_labels() {
@@ -27,7 +27,7 @@ fn a_dry_run_writes_nothing_and_answers_json() {
     let told = &ran.events()[0];
     // RHDD: 30 scenes of 500 images, one readout each.
     assert_eq!((told["sequences"].as_u64(), told["readouts"].as_u64()), (Some(30), Some(15_000)));
-    let ran = place.good("dataset -o set --preset tiny --dry-run --json");
+    let ran = place.good("dataset -o set --kind tiny --dry-run --json");
     assert_eq!(ran.events()[0]["sequences"], 2);
 }
 
@@ -69,9 +69,9 @@ fn impossible_scenes_are_refused() {
     let place = Place::new();
     place.refused("scene -o a --width 0", 2, &["0"]);
     place.refused("scene -o a --rate 0", 2, &["rate"]);
-    place.refused("dataset -o a --preset tiny --speed-kmh 5000", 2, &["km/h"]);
-    place.refused("dataset -o a --preset tiny --test-share 1.5", 2, &["share"]);
-    place.refused("dataset -o a --preset tiny --camera nobody", 3, &["nobody"]);
+    place.refused("dataset -o a --kind tiny --speed-kmh 5000", 2, &["km/h"]);
+    place.refused("dataset -o a --kind tiny --test-share 1.5", 2, &["share"]);
+    place.refused("dataset -o a --kind tiny --camera nobody", 3, &["nobody"]);
     // No vehicle at all is a scene like any other.
     place.good(&format!("{TINY} --vehicles 0 -o empty"));
     assert_eq!(place.json("empty/sequences/scene-0000/record.json")["about"]["vehicles"], 0);

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use spikelane::dataset::{
-    self, Drives, Images, Inputs, Layout, Manifest, Options, Record, Report, Status, Work,
+    self, Drives, Images, Inputs, Manifest, Options, Record, Report, Status, Structure, Work,
 };
 use spikelane::light::{Fit, Insertion};
 use spikelane::scene::Lighting;
@@ -21,7 +21,8 @@ fn options(output: &Path, work: Work) -> Options {
         images: Images::default(),
         seed: 5,
         camera_seed: 1,
-        layout: Layout::SpikeCv,
+        scene_seed: 5,
+        structure: Structure::SpikeCv,
         test_share: 0.3,
         licence: Some("CC-BY-4.0".into()),
         threads: 1,

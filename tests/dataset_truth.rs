@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use spikelane::dataset::{self, Drive, Drives, Images, Inputs, Layout, Manifest, Options, Record, Work};
+use spikelane::dataset::{self, Drive, Drives, Images, Inputs, Manifest, Options, Record, Structure, Work};
 use spikelane::formats::Reader;
 use spikelane::light::{self, Fit, Insertion, Timeline};
 use spikelane::scene::{Lighting, Samples, Scene, SceneOptions};
@@ -14,7 +14,7 @@ use spikelane::{Geometry, Kind, presets};
 const WIDTH: usize = 48;
 const HEIGHT: usize = 32;
 
-fn options(output: &Path, work: Work, layout: Layout) -> Options {
+fn options(output: &Path, work: Work, structure: Structure) -> Options {
     let mut camera = presets::builtin("physical").unwrap();
     camera.sensor.geometry = Geometry::new(WIDTH as u32, HEIGHT as u32).unwrap();
     Options {
@@ -23,8 +23,9 @@ fn options(output: &Path, work: Work, layout: Layout) -> Options {
         camera,
         images: Images::default(),
         seed: 5,
+        scene_seed: 5,
         camera_seed: 1,
-        layout,
+        structure,
         test_share: 0.0,
         licence: None,
         threads: 1,
@@ -82,7 +83,7 @@ fn ground_truth_of_a_clip_is_the_light_of_readout_half_of_all() {
         let lights: Vec<f32> = (0..frames).map(|k| light(k * per_frame)).collect();
         clip(&clips.join("a.npy"), &lights);
         let out = dir.path().join(format!("set{readouts}-{per_frame}"));
-        let made = make(&options(&out, inputs(&clips, per_frame as u64), Layout::SpikeCv));
+        let made = make(&options(&out, inputs(&clips, per_frame as u64), Structure::SpikeCv));
         let record = Record::read(&made).unwrap();
         let middle = readouts / 2;
         assert_eq!(record.about["readouts"], readouts);
@@ -110,7 +111,8 @@ fn ground_truth_of_a_scene_is_drawn_for_its_readout_whatever_the_spacing_of_imag
             npy: true,
             ..Drives::rhdd()
         };
-        let mut all = options(&dir.path().join(readouts.to_string()), Work::Drives(drives), Layout::SpikeCv);
+        let mut all =
+            options(&dir.path().join(readouts.to_string()), Work::Drives(drives), Structure::SpikeCv);
         all.camera.sensor.readout_hz = 200.0;
         let made = make(&all);
         let about = Record::read(&made).unwrap().about;
@@ -149,9 +151,9 @@ fn clean_counts_differ_from_ground_truth_by_counting_alone() {
     let dir = tempfile::tempdir().unwrap();
     let clips = dir.path().join("clips");
     clip_of(&clips.join("a.npy"), 2, |_, p| (p as f32 + 0.5) / (WIDTH * HEIGHT) as f32);
-    for (layout, rate) in [(Layout::SpikeZoo, 0.6), (Layout::SpikeCv, 1.0)] {
-        let out = dir.path().join(layout.name());
-        let made = make(&options(&out, inputs(&clips, 60), layout));
+    for (structure, rate) in [(Structure::SpikeZoo, 0.6), (Structure::SpikeCv, 1.0)] {
+        let out = dir.path().join(structure.name());
+        let made = make(&options(&out, inputs(&clips, 60), structure));
         let found = codes(&made.join("gt.png"));
         let reader = Reader::open(&made.join("stream.clean.dat"), None, None).unwrap();
         let n = 41;
@@ -168,7 +170,7 @@ fn clean_counts_differ_from_ground_truth_by_counting_alone() {
         }
         // 1,536 pixels tell a mean square to 4 %; sRGB codes or another full scale are off by a factor of 10 and more.
         let ratio = seen / expected;
-        assert!((0.8..1.2).contains(&ratio), "{}: {ratio}", layout.name());
+        assert!((0.8..1.2).contains(&ratio), "{}: {ratio}", structure.name());
     }
 }
 
@@ -178,7 +180,7 @@ fn lamps_that_saturate_the_sensor_do_not_darken_the_scene() {
     let dir = tempfile::tempdir().unwrap();
     let clips = dir.path().join("clips");
     clip_of(&clips.join("a.npy"), 2, |_, p| if p % 50 == 0 { 1000.0 } else { 0.5 });
-    let made = make(&options(&dir.path().join("set"), inputs(&clips, 8), Layout::SpikeZoo));
+    let made = make(&options(&dir.path().join("set"), inputs(&clips, 8), Structure::SpikeZoo));
     assert_eq!(Record::read(&made).unwrap().about["light_scale"], 1.0);
     let found = codes(&made.join("gt.png"));
     assert_eq!([found[0], found[1]], [255, 128]);
@@ -191,7 +193,7 @@ fn light_is_exposed_so_that_spike_zoo_codes_cut_a_thousandth_at_most() {
     let clips = dir.path().join("clips");
     clip_of(&clips.join("a.npy"), 2, |_, p| 2.0 * (p as f32 + 0.5) / (WIDTH * HEIGHT) as f32);
     let out = dir.path().join("set");
-    let all = options(&out, inputs(&clips, 8), Layout::SpikeZoo);
+    let all = options(&out, inputs(&clips, 8), Structure::SpikeZoo);
     let made = make(&all);
     let found = codes(&made.join("gt.png"));
     let cut = found.iter().filter(|&&c| c == 255).count();
@@ -217,7 +219,7 @@ fn clear_light_of_clips_is_kept_by_readout_in_every_form() {
     clip(&clips.join("a.npy"), &[0.1, 0.5, 0.7]);
     for form in ImageForm::ALL {
         let out = dir.path().join(form.name());
-        let mut all = options(&out, inputs(&clips, 8), Layout::SpikeCv);
+        let mut all = options(&out, inputs(&clips, 8), Structure::SpikeCv);
         all.images = Images { every: Some(6), form };
         let made = make(&all);
         let mut names: Vec<_> =
@@ -254,7 +256,7 @@ fn resume_makes_a_sequence_with_a_damaged_clear_image_again() {
     let dir = tempfile::tempdir().unwrap();
     let clips = dir.path().join("clips");
     clip(&clips.join("a.npy"), &[0.1, 0.5]);
-    let mut all = options(&dir.path().join("set"), inputs(&clips, 8), Layout::SpikeCv);
+    let mut all = options(&dir.path().join("set"), inputs(&clips, 8), Structure::SpikeCv);
     all.images = Images { every: Some(5), form: ImageForm::U16 };
     let made = make(&all);
     let image = made.join("images/000005.png");

@@ -138,15 +138,15 @@ fn presets_that_make_no_sense_are_refused() {
     ] {
         place.write(&format!("{name}.toml"), text);
         let line = format!(
-            "simulate --source chart {SMALL} --readouts 5 --width 16 --height 16 --preset {name}.toml -o a"
+            "simulate --source chart {SMALL} --readouts 5 --width 16 --height 16 --camera {name}.toml -o a"
         );
         let line = line.replace(&format!("{SMALL} "), "");
         place.refused(&line, 3, &[word]);
     }
-    place.refused("simulate --source chart --readouts 5 --preset nothing -o a", 3, &["nothing", "physical"]);
+    place.refused("simulate --source chart --readouts 5 --camera nothing -o a", 3, &["nothing", "physical"]);
     place.refused("simulate --source chart --readouts 5 --effect prnu.sigma=-1 -o a", 3, &["prnu", "sigma"]);
     place.refused("simulate --source chart --readouts 5 --effect prnu -o a", 2, &["NAME.KEY=VALUE"]);
-    place.refused("simulate --source chart --readouts 5 --preset missing.toml -o a", 5, &["missing.toml"]);
+    place.refused("simulate --source chart --readouts 5 --camera missing.toml -o a", 5, &["missing.toml"]);
 }
 
 #[test]

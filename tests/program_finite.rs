@@ -157,7 +157,7 @@ fn of_odd_light_every_maker_leaves_finite_numbers() {
             ),
             format!("simulate in/light.npy -o flow --readouts-per-frame 3 {size} --insertion flow --force"),
             format!(
-                "simulate in/light.npy -o one --readouts-per-frame 7 --readouts 1 {size} --preset scsim-code --force"
+                "simulate in/light.npy -o one --readouts-per-frame 7 --readouts 1 {size} --camera scsim-code --force"
             ),
             "verify run.json".to_owned(),
             "evaluate run.dat".to_owned(),

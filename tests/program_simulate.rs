@@ -158,7 +158,7 @@ fn the_sidecar_holds_what_is_needed_to_make_the_stream_again() {
     assert_eq!(sidecar["camera"]["effects"]["prnu"]["sigma"], 0.03);
     assert!(sidecar["command"].as_array().unwrap().iter().any(|a| a == "--exposure"));
     place.write("again.toml", sidecar["camera"]["toml"].as_str().unwrap());
-    place.good("simulate --source chart --preset again.toml --readouts 300 --seed 3 -o b");
+    place.good("simulate --source chart --camera again.toml --readouts 300 --seed 3 -o b");
     assert_eq!(place.json("b.json")["digest"], sidecar["digest"]);
 }
 
@@ -167,7 +167,7 @@ fn a_stream_ends_with_its_source_and_hold_shows_each_frame_as_long_as_asked() {
     let place = Place::new();
     // Frames of no light and of full light: `ideal` fires never, and at every readout.
     place.write("video.y4m", y4m(16, 8, &[0, 255, 0]));
-    let ideal = "--preset ideal --without start_phase --width 16 --height 8 --layout npy-bytes";
+    let ideal = "--camera ideal --without start_phase --width 16 --height 8 --to npy-bytes";
     place.good(&format!("simulate video.y4m {ideal} --readouts-per-frame 5 -o a"));
     let bytes = place.read("a.npy");
     let data = &bytes[bytes.len() - 15 * 128..];
@@ -188,8 +188,7 @@ fn standard_input_gives_the_bits_of_the_file() {
     let video = y4m(20, 10, &[10, 60, 110, 160, 210]);
     place.write("video.y4m", &video);
     for (layout, ending) in [("dat", "dat"), ("npy-bits", "npy")] {
-        let line =
-            format!("--width 20 --height 10 --insertion linear --readouts-per-frame 33 --layout {layout}");
+        let line = format!("--width 20 --height 10 --insertion linear --readouts-per-frame 33 --to {layout}");
         place.good(&format!("simulate video.y4m {line} -o file-{layout}"));
         let line = format!("simulate - {line} -o pipe-{layout}");
         let mut child = place.command(&line).stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
@@ -268,11 +267,11 @@ fn the_first_line_and_the_sidecar_say_how_codes_became_light() {
     place.picture("g.png", 16, 12, 128);
     let base = "simulate g.png --width 16 --height 12 --readouts 200 --force -o o";
     for (flags, said, transfer, full_scale, rate) in [
-        ("--preset spike-zoo", "codes taken as light (linear)", "linear", "255", 0.251),
-        ("--preset spike-zoo --transfer srgb", "sRGB curve undone", "srgb", "255", 0.108),
-        ("--preset spikingsim", "each frame's brightest pixel", "linear", "peak", 0.99),
-        ("--preset ideal", "sRGB curve undone", "srgb", "255", 0.216),
-        ("--preset ideal --transfer 2.2", "exponent 2.2 undone", "2.2", "255", 0.220),
+        ("--camera spike-zoo", "codes taken as light (linear)", "linear", "255", 0.251),
+        ("--camera spike-zoo --transfer srgb", "sRGB curve undone", "srgb", "255", 0.108),
+        ("--camera spikingsim", "each frame's brightest pixel", "linear", "peak", 0.99),
+        ("--camera ideal", "sRGB curve undone", "srgb", "255", 0.216),
+        ("--camera ideal --transfer 2.2", "exponent 2.2 undone", "2.2", "255", 0.220),
     ] {
         let ran = place.good(&format!("{base} {flags}"));
         let first = ran.stderr.lines().next().unwrap();
@@ -292,7 +291,7 @@ fn a_motion_that_does_not_move_writes_the_stream_of_the_still_picture() {
     let picture = image::RgbImage::from_fn(37, 23, |x, y| image::Rgb([(6 * x) as u8, (11 * y) as u8, 90]));
     picture.save(place.path("p.png")).unwrap();
     for size in ["--width 16 --height 12", "--width 37 --height 23", "--width 9 --height 40"] {
-        let base = format!("simulate p.png {size} --readouts 300 --preset physical --force");
+        let base = format!("simulate p.png {size} --readouts 300 --camera physical --force");
         place.good(&format!("{base} -o still"));
         place.good(&format!("{base} --motion pan=0,0 -o moved"));
         assert_eq!(place.read("still.dat"), place.read("moved.dat"), "{size}");

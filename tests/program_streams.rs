@@ -51,7 +51,7 @@ fn inspect_tells_what_is_known_of_an_ideal_stream() {
     place.picture("grey.png", 32, 16, 51);
     // A fifth of full scale: every pixel fires at every fifth of 100 readouts.
     place.good(
-        "simulate grey.png --transfer linear --preset ideal --width 32 --height 16 --readouts 100 -o a",
+        "simulate grey.png --transfer linear --camera ideal --width 32 --height 16 --readouts 100 -o a",
     );
     let told = place.good("inspect a.dat --digest --png look.png --json").events().pop().unwrap();
     assert_eq!((told["readouts"].as_u64(), told["layout"].as_str()), (Some(100), Some("dat")));
@@ -69,7 +69,7 @@ fn reconstruct_writes_pictures_arrays_and_folders() {
     let place = Place::new();
     place.picture("grey.png", 32, 16, 51);
     place.good(
-        "simulate grey.png --transfer linear --preset ideal --width 32 --height 16 --readouts 100 -o a",
+        "simulate grey.png --transfer linear --camera ideal --width 32 --height 16 --readouts 100 -o a",
     );
     place.good("reconstruct a.dat --window 51 --at 50 --white 0.2 -o tfp.png");
     let picture = image::open(place.path("tfp.png")).unwrap().into_luma8();
@@ -98,20 +98,20 @@ fn floats(npy: &[u8], count: usize) -> Vec<f32> {
 fn a_camera_file_with_maps_is_one_camera_wherever_its_folder_is() {
     let place = Place::new();
     let size = "--width 32 --height 24";
-    place.good(&format!("preset show physical {size} --write one --maps --camera-seed 7"));
+    place.good(&format!("preset show physical {size} -o one --maps --camera-seed 7"));
     place.good(&format!("simulate --source chart {size} --readouts 50 --camera-seed 7 -o kind"));
     std::fs::rename(place.path("one"), place.path("moved")).unwrap();
     // Its maps are its fixed pattern: the camera seed has nothing left to draw.
-    place.good("simulate --source chart --preset moved/camera.toml --camera-seed 99 --readouts 50 -o map");
+    place.good("simulate --source chart --camera moved/camera.toml --camera-seed 99 --readouts 50 -o map");
     assert!(place.read("kind.dat") == place.read("map.dat"));
     // The run keeps the camera beside its stream.
-    place.good("simulate --source chart --preset map.camera/camera.toml --readouts 50 -o again");
+    place.good("simulate --source chart --camera map.camera/camera.toml --readouts 50 -o again");
     assert!(place.read("again.dat") == place.read("map.dat"));
     let mut gain = place.read("moved/gain.npy");
     *gain.last_mut().unwrap() ^= 1;
     place.write("moved/gain.npy", gain);
     place.refused(
-        "simulate --source chart --preset moved/camera.toml --readouts 50 -o b",
+        "simulate --source chart --camera moved/camera.toml --readouts 50 -o b",
         9,
         &["gain.npy", "blake3:"],
     );
@@ -126,8 +126,8 @@ fn every_preset_prints_what_simulates_to_the_same_bits() {
     for name in names {
         place.write("shown.toml", place.good(&format!("preset show {name}")).stdout);
         let line = "--width 24 --height 16 --readouts 40 --force";
-        place.good(&format!("simulate --source chart --preset {name} {line} -o a"));
-        place.good(&format!("simulate --source chart --preset shown.toml {line} -o b"));
+        place.good(&format!("simulate --source chart --camera {name} {line} -o a"));
+        place.good(&format!("simulate --source chart --camera shown.toml {line} -o b"));
         assert!(place.read("a.dat") == place.read("b.dat"), "{name}");
     }
 }

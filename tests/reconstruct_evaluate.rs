@@ -78,7 +78,7 @@ fn the_sidecar_says_how_the_image_of_a_run_was_read() {
     let place = Place::new();
     place.picture("gt.png", 96, 64, 100);
     place.good(&format!(
-        "simulate gt.png --transfer linear --preset ideal {SIZE} --readouts 255 --exposure 20000 -o s"
+        "simulate gt.png --transfer linear --camera ideal {SIZE} --readouts 255 --exposure 20000 -o s"
     ));
     let line = "evaluate s.dat --clear gt.png --window 201 --json";
     let told = place.good(line).events().pop().unwrap();
@@ -126,8 +126,7 @@ fn tfi_at_the_ends_of_a_stream_is_not_measurable() {
 #[test]
 fn a_set_averages_no_tfi_that_it_cannot_measure() {
     let place = Place::new();
-    place
-        .good("dataset --preset tiny --sequences 2 --images 6 --label-every 0 --width 64 --height 40 -o set");
+    place.good("dataset --kind tiny --sequences 2 --images 6 --label-every 0 --width 64 --height 40 -o set");
     let text = place.good("evaluate set --window 5").stdout;
     assert_eq!(text.matches("tfi          not measurable in any of them").count(), 2, "{text}");
     assert!(text.contains("span 5"), "{text}");

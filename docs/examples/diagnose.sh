@@ -13,6 +13,6 @@ spikelane preset show scsim-code | sed 's/^charge = "1 fC"/share = 1/' > "$out/m
 # The camera of the model is small here so that the example takes a minute.
 sed -i 's/^\[sensor\]/[sensor]\nwidth = 64\nheight = 64/' "$out/model.toml" "$out/hidden.toml"
 for take in 1 2; do
-    spikelane record "$out/hidden.toml" --readouts 4000 --camera-seed 9 --shot-seed "$take" -o "$out/take$take" --force
+    spikelane record "$out/hidden.toml" --readouts 4000 --camera-seed 9 --seed "$take" -o "$out/take$take" --force
 done
 spikelane diagnose "$out/take1/recordings.toml" --holdout "$out/take2/recordings.toml" -o "$out/diagnosis" --force

@@ -97,7 +97,7 @@ impl Light {
             return Err(Error::new(Kind::Config, format_args!("light of {file}"))
                 .found(match self {
                     Self::Level(level) => level.to_string(),
-                    Self::Scene(scene) => format!("{scene:?}"),
+                    Self::Scene(_) => format!("levels {} and {}, length {length}", levels[0], levels[1]),
                 })
                 .expected("levels from 0 to 100 of the light that saturates, lengths above zero"));
         }

@@ -21,8 +21,8 @@ pub struct Args {
     /// The recording set (TOML).
     recordings: PathBuf,
     /// Folder for camera.toml with its maps, calibration.json and report.html.
-    #[arg(short, long, default_value = "calibration")]
-    out: PathBuf,
+    #[arg(short, long, value_name = "DIR", default_value = "calibration")]
+    output: PathBuf,
     /// Share of the first increment after a spike that the reset loses.
     #[arg(long, default_value_t = 0.002)]
     dead_time: f64,
@@ -48,7 +48,7 @@ pub struct Args {
 /// # Errors
 /// When the set is bad, or a file cannot be written.
 pub fn run(args: &Args, out: &Out) -> Result<()> {
-    refuse_existing(&args.out, &["camera.toml", "calibration.json", "report.html"], args.force)?;
+    refuse_existing(&args.output, &["camera.toml", "calibration.json", "report.html"], args.force)?;
     let set = RecordingSet::open(&args.recordings)?;
     let mut progress = Files::new(out);
     let observed = observe(&set, &mut |name, share| progress.step(name, share))?;
@@ -64,7 +64,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         let options = SneeOptions { levels_known: !args.levels_unknown, ..SneeOptions::default() };
         calibration.paper = Some(snee(&observed, &options)?);
     }
-    let files = write(&calibration, &args.out, args.force)?;
+    let files = write(&calibration, &args.output, args.force)?;
     let mut result = calibration.to_json();
     result["event"] = json!("done");
     result["files"] = json!([&files.camera, &files.json, &files.report].map(|f| f.display().to_string()));

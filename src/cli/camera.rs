@@ -7,7 +7,7 @@ use spikelane::{Camera, Error, Geometry, Kind, Result, effects, presets};
 pub struct CameraArgs {
     /// Camera: the name of a preset ('spikelane preset list'), or a camera file (.toml)
     #[arg(long, value_name = "NAME|FILE", default_value = "physical", help_heading = "Camera")]
-    pub preset: String,
+    pub camera: String,
     #[command(flatten)]
     pub changes: Changes,
 }
@@ -15,32 +15,37 @@ pub struct CameraArgs {
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct Changes {
     /// Size and readout rate of a known camera: 400x250-20k, 400x250-40k, 1000x1000-20k
-    #[arg(long, value_name = "NAME", help_heading = "Camera")]
+    #[arg(hide_short_help = true, long, value_name = "NAME", help_heading = "Camera")]
     pub camera_format: Option<String>,
-    /// Width in pixels [default: the preset's, 400]
+    /// Width in pixels [default: the camera's, 400]
     #[arg(long, value_name = "PIXELS", help_heading = "Camera")]
     pub width: Option<u32>,
-    /// Height in pixels [default: the preset's, 250]
+    /// Height in pixels [default: the camera's, 250]
     #[arg(long, value_name = "PIXELS", help_heading = "Camera")]
     pub height: Option<u32>,
-    /// Readouts per second [default: the preset's, 20000]
-    #[arg(long, value_name = "HZ", help_heading = "Camera")]
+    /// Readouts per second [default: the camera's, 20000]
+    #[arg(hide_short_help = true, long, value_name = "HZ", help_heading = "Camera")]
     pub readout_hz: Option<Rate>,
-    /// Electrons per readout at full-scale light [default: one nominal threshold, unless the preset says]
-    #[arg(long, value_name = "ELECTRONS", help_heading = "Camera")]
+    /// Electrons per readout at full-scale light [default: one nominal threshold, unless the camera says]
+    #[arg(hide_short_help = true, long, value_name = "ELECTRONS", help_heading = "Camera")]
     pub exposure: Option<f64>,
     /// Set a parameter of an effect, such as prnu.sigma=0.03; may be repeated. The effect's other parameters stay as the
-    /// preset has them; with '--without NAME' they start from neutral
+    /// camera has them; with '--without NAME' they start from neutral
     #[arg(long, value_name = "NAME.KEY=VALUE", help_heading = "Camera")]
     pub effect: Vec<String>,
     /// Leave an effect out; may be repeated
-    #[arg(long, value_name = "NAME", help_heading = "Camera")]
+    #[arg(hide_short_help = true, long, value_name = "NAME", help_heading = "Camera")]
     pub without: Vec<String>,
 }
 
 impl CameraArgs {
+    /// The camera that was named without a flag, or else with it.
+    pub fn named(&self, name: Option<&str>) -> Result<Camera> {
+        self.changes.apply(presets::load(name.unwrap_or(&self.camera))?)
+    }
+
     pub fn camera(&self) -> Result<Camera> {
-        self.changes.apply(presets::load(&self.preset)?)
+        self.changes.apply(presets::load(&self.camera)?)
     }
 }
 
@@ -86,6 +91,7 @@ fn unknown(name: &str) -> Error {
         .found(format_args!("`{name}`"))
         .expected(names.join(", "))
         .remedy("for any other camera give --width, --height and --readout-hz")
+        .or_nearest(name, names)
 }
 
 fn set_effect(camera: Camera, text: &str) -> Result<Camera> {

@@ -15,6 +15,7 @@ use spikelane::storage::{refuse_existing, write_small};
 
 use super::output::Out;
 use super::progress::Files;
+use super::seeds::SeedArgs;
 use super::stream::StreamArgs;
 
 /// Compare presets or camera files with a recording set (.toml) or one static recording.
@@ -22,19 +23,22 @@ use super::stream::StreamArgs;
 pub struct Args {
     /// A recording set, or a stream.
     measured: PathBuf,
-    /// Presets or camera files; the paper's five and `physical` when none is given.
-    cameras: Vec<String>,
+    /// The same as --camera
+    #[arg(value_name = "CAMERA", conflicts_with = "camera")]
+    named: Vec<String>,
+    /// Preset or camera file; may be repeated [default: the paper's five and physical]
+    #[arg(long, value_name = "NAME|FILE")]
+    camera: Vec<String>,
     #[command(flatten)]
     stream: StreamArgs,
     /// Longest simulation of a level, in readouts.
     #[arg(long, default_value_t = 2000)]
     longest: usize,
-    /// Seed of the models.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
+    #[command(flatten)]
+    seeds: SeedArgs,
     /// Folder for comparison.json and comparison.html.
-    #[arg(short, long, default_value = "comparison")]
-    out: PathBuf,
+    #[arg(short, long, value_name = "DIR", default_value = "comparison")]
+    output: PathBuf,
     /// Replace existing files.
     #[arg(long)]
     force: bool,
@@ -45,19 +49,16 @@ pub struct Args {
 /// # Errors
 /// When an input is bad, or a file cannot be written.
 pub fn run(args: &Args, out: &Out) -> Result<()> {
-    refuse_existing(&args.out, &["comparison.json", "comparison.html"], args.force)?;
-    let names: Vec<&str> = if args.cameras.is_empty() {
-        MODELS.to_vec()
-    } else {
-        args.cameras.iter().map(String::as_str).collect()
-    };
+    refuse_existing(&args.output, &["comparison.json", "comparison.html"], args.force)?;
+    let given = args.named.iter().chain(&args.camera).map(String::as_str);
+    let names: Vec<&str> = if given.clone().next().is_none() { MODELS.to_vec() } else { given.collect() };
     let cameras = names.into_iter().map(presets::load).collect::<Result<Vec<_>>>()?;
-    let seeds = Seeds { camera: args.seed, shot: args.seed, sequence: 0 };
+    let seeds = args.seeds.seeds();
     let is_set = args.measured.extension().is_some_and(|e| e == "toml");
     let found = if is_set { grey(args, &cameras, seeds, out)? } else { still(args, &cameras, seeds)? };
-    std::fs::create_dir_all(&args.out).map_err(|e| Error::io(args.out.display(), e))?;
+    std::fs::create_dir_all(&args.output).map_err(|e| Error::io(args.output.display(), e))?;
     let put = |name: &str, text: &str| {
-        let path = args.out.join(name);
+        let path = args.output.join(name);
         write_small(&path, text.as_bytes(), args.force).map(|()| path.display().to_string())
     };
     let json_error = |e| Error::new(Kind::Config, "comparison").found(e);

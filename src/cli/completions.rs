@@ -1,11 +1,10 @@
 //! `spikelane completions`.
 
-use clap::CommandFactory as _;
 use clap_complete::{Shell, generate};
 use spikelane::Result;
 
-use super::Cli;
 use super::output::Out;
+use super::words;
 
 /// Print completions for a shell
 #[derive(clap::Args, Debug)]
@@ -15,6 +14,6 @@ pub struct Args {
 
 pub fn run(args: &Args, out: &Out) -> Result<()> {
     let mut text = Vec::new();
-    generate(args.shell, &mut Cli::command(), "spikelane", &mut text);
+    generate(args.shell, &mut words::command(), "spikelane", &mut text);
     out.bytes(&text)
 }

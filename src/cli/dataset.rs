@@ -7,15 +7,18 @@ use std::time::{Duration, Instant};
 use clap::builder::PossibleValuesParser;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
-use spikelane::dataset::{self, Drives, Estimate, Images, Inputs, Layout, Options, Progress, Report, Work};
+use spikelane::dataset::{
+    self, Drives, Estimate, Images, Inputs, Options, Progress, Report, Structure, Work,
+};
 use spikelane::light::{Fit, Insertion, Transfer};
 use spikelane::scene::Lighting;
 use spikelane::simulate::ImageForm;
-use spikelane::{Error, Kind, Result, presets};
+use spikelane::{Error, Kind, Result};
 
-use super::camera::Changes;
+use super::camera::CameraArgs;
 use super::output::{Out, bytes_text};
 use super::progress::{Stop, stop_flag};
+use super::seeds::{SceneSeed, SeedArgs};
 
 /// Between two JSON events.
 const PERIOD: Duration = Duration::from_millis(500);
@@ -32,10 +35,10 @@ pub struct Args {
     /// Convert every video and image folder below DIR instead of drawing scenes
     #[arg(long, value_name = "DIR")]
     pub from: Option<PathBuf>,
-    /// A known dataset: rhdd is 30 scenes of 500 images, tiny 2 scenes of 40, one readout per image
+    /// Kind of data set: rhdd is 30 scenes of 500 images, tiny 2 scenes of 40, one readout per image
     #[arg(long, value_name = "NAME", default_value = "rhdd", conflicts_with = "from",
           value_parser = PossibleValuesParser::new(Drives::PRESETS))]
-    pub preset: String,
+    pub kind: String,
     /// Number of scenes
     #[arg(long, value_name = "N", conflicts_with = "from", help_heading = "Scenes")]
     pub sequences: Option<u32>,
@@ -43,35 +46,47 @@ pub struct Args {
     #[arg(long, value_name = "M", conflicts_with = "from", help_heading = "Scenes")]
     pub images: Option<u32>,
     /// Readouts from one image to the next; the light follows every readout
-    #[arg(long, value_name = "N", conflicts_with = "from", help_heading = "Scenes")]
+    #[arg(hide_short_help = true, long, value_name = "N", conflicts_with = "from", help_heading = "Scenes")]
     pub readouts_per_image: Option<u32>,
     /// Images from one labelled image to the next; 0 for no labels
-    #[arg(long, value_name = "N", conflicts_with = "from", help_heading = "Scenes")]
+    #[arg(hide_short_help = true, long, value_name = "N", conflicts_with = "from", help_heading = "Scenes")]
     pub label_every: Option<u32>,
     /// Light of all scenes [default: drawn for each]
     #[arg(long, conflicts_with = "from", help_heading = "Scenes",
           value_parser = PossibleValuesParser::new(Lighting::ALL.map(Lighting::name)))]
     pub lighting: Option<String>,
     /// Frequency with which lamps flicker, in hertz
-    #[arg(long, value_name = "HZ", conflicts_with = "from", help_heading = "Scenes")]
+    #[arg(hide_short_help = true, long, value_name = "HZ", conflicts_with = "from", help_heading = "Scenes")]
     pub flicker_hz: Option<f64>,
     /// Vehicles in each scene
-    #[arg(long, value_name = "N", conflicts_with = "from", help_heading = "Scenes")]
+    #[arg(hide_short_help = true, long, value_name = "N", conflicts_with = "from", help_heading = "Scenes")]
     pub vehicles: Option<u32>,
     /// Speed that the camera's car wishes to drive, in km/h
-    #[arg(long, value_name = "KMH", conflicts_with = "from", help_heading = "Scenes")]
+    #[arg(
+        hide_short_help = true,
+        long,
+        value_name = "KMH",
+        conflicts_with = "from",
+        help_heading = "Scenes"
+    )]
     pub speed_kmh: Option<f64>,
     /// Luminance of full scale in cd/m2 [default: each scene's own white]
-    #[arg(long, value_name = "CD_M2", conflicts_with = "from", help_heading = "Scenes")]
+    #[arg(
+        hide_short_help = true,
+        long,
+        value_name = "CD_M2",
+        conflicts_with = "from",
+        help_heading = "Scenes"
+    )]
     pub white: Option<f32>,
     /// Also keep the clear images as linear float arrays
-    #[arg(long, conflicts_with = "from", help_heading = "Scenes")]
+    #[arg(hide_short_help = true, long, conflicts_with = "from", help_heading = "Scenes")]
     pub npy: bool,
     /// Also write depth and flow as KITTI's 16-bit PNGs
-    #[arg(long, conflicts_with = "from", help_heading = "Scenes")]
+    #[arg(hide_short_help = true, long, conflicts_with = "from", help_heading = "Scenes")]
     pub kitti: bool,
     /// Also write the light of labelled images in colour as EXR, in cd/m2
-    #[arg(long, conflicts_with = "from", help_heading = "Scenes")]
+    #[arg(hide_short_help = true, long, conflicts_with = "from", help_heading = "Scenes")]
     pub exr: bool,
     /// Readouts of every frame
     #[arg(long, value_name = "N", default_value_t = 20, requires = "from", help_heading = "Conversion",
@@ -81,40 +96,41 @@ pub struct Args {
     #[arg(long, default_value = "linear", requires = "from", help_heading = "Conversion")]
     pub insertion: Insertion,
     /// How frames are brought to the camera's size: resize, stretch or crop
-    #[arg(long, default_value = "resize", requires = "from", help_heading = "Conversion")]
+    #[arg(
+        hide_short_help = true,
+        long,
+        default_value = "resize",
+        requires = "from",
+        help_heading = "Conversion"
+    )]
     pub fit: Fit,
     /// How stored values become light: linear, srgb, or an exponent
-    #[arg(long, requires = "from", help_heading = "Conversion")]
+    #[arg(hide_short_help = true, long, requires = "from", help_heading = "Conversion")]
     pub transfer: Option<Transfer>,
-    /// Camera: the name of a preset ('spikelane preset list'), or a camera file (.toml)
-    #[arg(long, value_name = "NAME|FILE", default_value = "physical", help_heading = "Camera")]
-    pub camera: String,
     #[command(flatten)]
-    pub changes: Changes,
-    /// Seed of scenes, split and noise
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub seed: u64,
-    /// Seed of the fixed pattern that all sequences share
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub camera_seed: u64,
+    pub camera: CameraArgs,
+    #[command(flatten)]
+    pub seeds: SeedArgs,
+    #[command(flatten)]
+    pub scene: SceneSeed,
     /// Keep the clear light of every N-th readout as images/READOUT [default: of scenes every image, of given inputs none]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub images_every: Option<u64>,
     /// How clear images are stored: u8 (PNG, sRGB), u16 (PNG, linear) or f32 (npy, linear)
-    #[arg(long, value_name = "FORM", default_value = "u8")]
+    #[arg(hide_short_help = true, long, value_name = "FORM", default_value = "u8")]
     pub images_as: ImageForm,
     /// Which loaders find their folders, and whose codes ground truth has: spikecv (255 is rate 1), or
     /// spike-zoo (255 is rate 0.6, for which the light is exposed)
     #[arg(long, default_value = "spikecv")]
-    pub layout: Layout,
+    pub structure: Structure,
     /// Share of the sequences that are for testing
-    #[arg(long, value_name = "SHARE", default_value_t = 0.2)]
+    #[arg(hide_short_help = true, long, value_name = "SHARE", default_value_t = 0.2)]
     pub test_share: f64,
     /// SPDX identifier under which you give the dataset on, such as CC-BY-4.0
-    #[arg(long, value_name = "SPDX")]
+    #[arg(hide_short_help = true, long, value_name = "SPDX")]
     pub licence: Option<String>,
     /// Threads [default: one per CPU]; the bytes are the same for any number
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(hide_short_help = true, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
     /// Go on with a dataset that was begun
     #[arg(long)]
@@ -206,11 +222,16 @@ fn tell(options: &Options, report: &Report, out: &Out) -> Result<()> {
     let place = options.output.display();
     let text =
         format!("{place}: {} made, {} verified, {} set aside\n", report.made, report.verified, report.failed);
+    let set_aside: Vec<_> =
+        report.set_aside.iter().map(|(input, why)| json!({"input": input, "reason": why})).collect();
     let event = json!({
         "event": "done", "output": place.to_string(), "made": report.made, "verified": report.verified,
-        "failed": report.failed, "too_fast": report.too_fast, "needed_readout_hz": report.needed_readout_hz,
+        "failed": report.failed, "set_aside": set_aside, "too_fast": report.too_fast, "needed_readout_hz": report.needed_readout_hz,
     });
     out.result(&event, &text)?;
+    for (input, why) in &report.set_aside {
+        out.say(format_args!("set aside  {input}: {why}"));
+    }
     if report.too_fast > 0 {
         out.say(format_args!(
             "warning: {} of the scenes made move by more than half a pixel from one readout to the next; \
@@ -234,11 +255,12 @@ impl Args {
         Ok(Options {
             output: self.output.clone(),
             work: self.work(),
-            camera: self.changes.apply(presets::load(&self.camera)?)?,
+            camera: self.camera.camera()?,
             images: Images { every: self.images_every, form: self.images_as },
-            seed: self.seed,
-            camera_seed: self.camera_seed,
-            layout: self.layout,
+            seed: self.seeds.seed,
+            scene_seed: self.scene.scene_seed,
+            camera_seed: self.seeds.camera_seed(),
+            structure: self.structure,
             test_share: self.test_share,
             licence: self.licence.clone(),
             threads: self.threads.map_or(cpus, usize::from),
@@ -256,7 +278,7 @@ impl Args {
                 transfer: self.transfer,
             });
         }
-        let known = Drives::preset(&self.preset).unwrap_or_else(Drives::rhdd);
+        let known = Drives::preset(&self.kind).unwrap_or_else(Drives::rhdd);
         Work::Drives(Drives {
             sequences: self.sequences.unwrap_or(known.sequences),
             images: self.images.unwrap_or(known.images),

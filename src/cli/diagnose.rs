@@ -29,7 +29,7 @@ pub struct Args {
     #[arg(long)]
     holdout: Option<PathBuf>,
     /// Seed of the simulations: the same seed gives the same diagnosis.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Judge all readouts of large recordings, however long that takes: as a rule only the first 35 million
     /// pixel-readouts of each are, but 1,250 readouts and five half periods of a square wave at least.
@@ -39,8 +39,8 @@ pub struct Args {
     #[arg(long)]
     nameable: bool,
     /// Folder for diagnosis.json, camera.toml and report.html.
-    #[arg(short, long, default_value = "diagnosis")]
-    out: PathBuf,
+    #[arg(short, long, value_name = "DIR", default_value = "diagnosis")]
+    output: PathBuf,
     /// Replace existing files.
     #[arg(long)]
     force: bool,
@@ -52,7 +52,7 @@ pub struct Args {
 /// When a set is bad, or a file cannot be written.
 pub fn run(args: &Args, out: &Out) -> Result<()> {
     if !args.nameable {
-        refuse_existing(&args.out, &["diagnosis.json", "report.html", "camera.toml"], args.force)?;
+        refuse_existing(&args.output, &["diagnosis.json", "report.html", "camera.toml"], args.force)?;
     }
     let set = RecordingSet::open(&args.recordings)?;
     let holdout = args.holdout.as_deref().map(RecordingSet::open).transpose()?;
@@ -88,11 +88,11 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
 
 /// Writes the files; returns the diagnosis as JSON.
 fn write(found: &Diagnosis, args: &Args) -> Result<Value> {
-    std::fs::create_dir_all(&args.out).map_err(|e| Error::io(args.out.display(), e))?;
+    std::fs::create_dir_all(&args.output).map_err(|e| Error::io(args.output.display(), e))?;
     let value = serde_json::to_value(found).map_err(|e| Error::new(Kind::Config, "diagnosis").found(e))?;
-    write_small(&args.out.join("diagnosis.json"), format!("{value:#}\n").as_bytes(), args.force)?;
-    write_small(&args.out.join("report.html"), page(found)?.as_bytes(), args.force)?;
-    save_camera(&found.camera, &args.out, args.force)?;
+    write_small(&args.output.join("diagnosis.json"), format!("{value:#}\n").as_bytes(), args.force)?;
+    write_small(&args.output.join("report.html"), page(found)?.as_bytes(), args.force)?;
+    save_camera(&found.camera, &args.output, args.force)?;
     Ok(value)
 }
 
@@ -125,6 +125,6 @@ fn told(found: &Diagnosis, args: &Args) -> String {
     for u in &found.unknown {
         let _ = writeln!(text, "left: {} ({:+.1} standard deviations)", u.r#where, u.z);
     }
-    let _ = writeln!(text, "{}", args.out.join("report.html").display());
+    let _ = writeln!(text, "{}", args.output.join("report.html").display());
     text
 }

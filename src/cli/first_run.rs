@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use clap::Parser as _;
-use spikelane::formats::Layout;
 use spikelane::simulate::{Sidecar, StreamFacts};
 use spikelane::{Error, Kind, Result, storage};
 
 use super::output::Out;
 use super::simulate::{Args, Names, run as simulate};
+use super::stem::Stem;
 use super::{Cli, Command};
 
 const FOLDER: &str = "out";
@@ -45,7 +45,7 @@ fn arguments(stem: &Path) -> Result<Args> {
 fn stem() -> Result<(PathBuf, bool)> {
     for i in 1..=MOST {
         let stem = Path::new(FOLDER).join(if i == 1 { "drive".into() } else { format!("drive-{i}") });
-        let names = Names::new(&stem, Layout::Dat);
+        let names = Names::new(&Stem::new(&stem, None, "drive")?);
         let taken = names.files(true).into_iter().any(|path| path.symlink_metadata().is_ok());
         if !taken {
             return Ok((stem, false));

@@ -30,7 +30,7 @@ const DRIVE_FRAMES_PER_S: u64 = 2000;
 const DRIVE_READOUTS: u64 = 500;
 
 /// The scene that is drawn when nobody names one.
-const DEFAULT_SCENE: u64 = 11;
+const DEFAULT_SCENE: u64 = 0;
 const DEFAULT_LIGHTING: Lighting = Lighting::Noon;
 
 /// Objects before the backdrop.
@@ -54,13 +54,19 @@ pub struct LightArgs {
     pub input: Option<PathBuf>,
     /// Built-in light: a random driving scene, the moving test chart, or random objects over a backdrop
     /// [default: drive]
-    #[arg(long, value_name = "SOURCE", conflicts_with = "input", help_heading = "Light")]
+    #[arg(
+        hide_short_help = true,
+        long,
+        value_name = "SOURCE",
+        conflicts_with = "input",
+        help_heading = "Light"
+    )]
     pub source: Option<BuiltIn>,
     /// Seed of the driving scene, or of the objects [default: 11]
-    #[arg(long, value_name = "N", conflicts_with = "input", help_heading = "Light")]
+    #[arg(hide_short_help = true, long, value_name = "N", conflicts_with = "input", help_heading = "Light")]
     pub scene_seed: Option<u64>,
     /// Lighting of the driving scene [default: drawn by its seed; noon for the default seed]
-    #[arg(long, conflicts_with = "input", help_heading = "Light",
+    #[arg(hide_short_help = true, long, conflicts_with = "input", help_heading = "Light",
           value_parser = PossibleValuesParser::new(Lighting::ALL.map(Lighting::name)))]
     pub lighting: Option<String>,
     /// The most readouts; by default the stream ends with the input
@@ -71,24 +77,30 @@ pub struct LightArgs {
           conflicts_with = "source_hz", help_heading = "Light")]
     pub readouts_per_frame: Option<u64>,
     /// Frames of the input per second, such as 25 or 30000/1001 [default: what the input states]
-    #[arg(long, value_name = "HZ", help_heading = "Light")]
+    #[arg(hide_short_help = true, long, value_name = "HZ", help_heading = "Light")]
     pub source_hz: Option<Rate>,
     /// What the light does between two frames: hold, linear, or flow (along an estimated motion)
     #[arg(long, value_name = "RULE", default_value = "hold", help_heading = "Light")]
     pub insertion: Insertion,
     /// How stored values become light: linear, srgb, or an exponent such as 2.2 [default: the camera's
     /// ([light] in its file), else srgb for images and video; linear for arrays and EXR]
-    #[arg(long, value_name = "FUNCTION", help_heading = "Light")]
+    #[arg(hide_short_help = true, long, value_name = "FUNCTION", help_heading = "Light")]
     pub transfer: Option<Transfer>,
     /// How frames are brought to the camera's size: resize, stretch or crop
-    #[arg(long, value_name = "HOW", default_value = "resize", help_heading = "Light")]
+    #[arg(
+        hide_short_help = true,
+        long,
+        value_name = "HOW",
+        default_value = "resize",
+        help_heading = "Light"
+    )]
     pub fit: Fit,
     /// Motion over a single image: pan=X,Y in pixels per second, zoom=FACTOR and rotate=DEGREES per second,
     /// joined by ':'
-    #[arg(long, value_name = "MOTION", help_heading = "Light")]
+    #[arg(hide_short_help = true, long, value_name = "MOTION", help_heading = "Light")]
     pub motion: Option<String>,
     /// Brightest light in full scales; brighter light is cut to it [default: 1, or 2 for floats]
-    #[arg(long, value_name = "FULL_SCALES", help_heading = "Light")]
+    #[arg(hide_short_help = true, long, value_name = "FULL_SCALES", help_heading = "Light")]
     pub greatest_light: Option<f64>,
 }
 
@@ -103,6 +115,18 @@ pub struct Light {
 }
 
 impl LightArgs {
+    /// What a run of this light is called where the user names a folder only.
+    pub fn name(&self) -> String {
+        let built_in = match self.source {
+            Some(BuiltIn::Chart) => "chart",
+            Some(BuiltIn::Objects) => "objects",
+            Some(BuiltIn::Drive) | None => "drive",
+        };
+        let stem = self.input.as_deref().and_then(std::path::Path::file_stem);
+        let stem = stem.map(|s| s.to_string_lossy().into_owned()).filter(|s| s != "-");
+        stem.unwrap_or_else(|| if self.input.is_some() { "run" } else { built_in }.to_owned())
+    }
+
     pub fn open(&self, camera: &Camera) -> Result<Light> {
         let readout = exact_rate(camera.sensor.readout_hz)?;
         if self.input.is_none() {
@@ -272,12 +296,11 @@ fn no_rate(about: &str) -> Error {
 impl Light {
     /// For the sidecar; what only the run can tell is filled in afterwards.
     pub fn facts(&self, args: &LightArgs, camera: &Camera) -> LightFacts {
-        let insertion = format!("{:?}", self.timeline.insertion()).to_lowercase();
         let per_frame = (self.timeline != Timeline::still()).then(|| self.per_frame(args, camera));
         LightFacts {
-            fit: format!("{:?}", args.fit).to_lowercase(),
+            fit: args.fit.to_string(),
             motion: args.motion.clone(),
-            insertion,
+            insertion: self.timeline.insertion().to_string(),
             readouts_per_frame: per_frame,
             source_rate: self.rate.map(|r| r.to_string()),
             exposure_electrons: camera.sensor.thresholds_at_full_scale * camera.operating(0.0).electrons,

@@ -2,12 +2,11 @@
 
 use std::path::PathBuf;
 
-use clap::CommandFactory as _;
 use clap_mangen::Man;
 use spikelane::{Error, Result, storage};
 
-use super::Cli;
 use super::output::Out;
+use super::words;
 
 /// Print the manual page
 #[derive(clap::Args, Debug)]
@@ -21,7 +20,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, out: &Out) -> Result<()> {
-    let mut command = Cli::command();
+    let mut command = words::command();
     command.build();
     let Some(folder) = &args.dir else { return out.bytes(&page(command)?) };
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;

@@ -3,6 +3,7 @@
 mod bench;
 mod calibrate;
 mod camera;
+mod closing;
 mod compare;
 mod completions;
 mod convert;
@@ -11,6 +12,7 @@ mod diagnose;
 mod effects;
 mod evaluate;
 mod first_run;
+mod forecast;
 mod images;
 mod inspect;
 mod light;
@@ -24,10 +26,13 @@ mod range;
 mod reconstruct;
 mod record;
 mod scene;
+mod seeds;
 mod simulate;
+mod stem;
 mod stream;
 mod verify;
 mod video;
+mod words;
 
 use std::process::ExitCode;
 
@@ -50,6 +55,9 @@ pub struct Cli {
     /// Print one JSON object a line to standard output; text for people goes to standard error
     #[arg(long, global = true)]
     json: bool,
+    /// Also say how the time was spent
+    #[arg(short, long, global = true)]
+    verbose: bool,
 }
 
 #[derive(Subcommand)]
@@ -76,8 +84,11 @@ enum Command {
 
 /// Parses, runs, and turns an error into its exit code.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
-    let out = Out::new(cli.json);
+    let cli = match words::parse() {
+        Ok(cli) => cli,
+        Err(code) => return ExitCode::from(code),
+    };
+    let out = Out::new(cli.json, cli.verbose);
     // The library falls back to the fastest; who asks for a backend by name wants that one.
     match Backend::from_environment().and_then(|_| dispatch(cli.command, &out)) {
         Ok(()) => ExitCode::SUCCESS,

@@ -9,11 +9,12 @@ use spikelane::{Error, Result};
 #[derive(Clone, Copy, Debug)]
 pub struct Out {
     json: bool,
+    verbose: bool,
 }
 
 impl Out {
-    pub const fn new(json: bool) -> Self {
-        Self { json }
+    pub const fn new(json: bool, verbose: bool) -> Self {
+        Self { json, verbose }
     }
 
     pub const fn json(&self) -> bool {
@@ -41,9 +42,16 @@ impl Out {
         let _ = writeln!(std::io::stderr(), "{text}");
     }
 
+    /// Text for people who asked for more (`-v`), to standard error.
+    pub fn detail(&self, text: impl std::fmt::Display) {
+        if self.verbose {
+            self.say(text);
+        }
+    }
+
     pub fn error(&self, error: &Error) {
         self.say(format_args!("spikelane: {error}"));
-        let kind = format!("{:?}", error.kind()).to_lowercase();
+        let kind = error.kind().name();
         let code = error.kind().exit_code();
         let event = json!({"event": "error", "kind": kind, "exit_code": code, "message": error.to_string()});
         let _ = self.event(&event);

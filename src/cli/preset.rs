@@ -22,7 +22,7 @@ pub struct Args {
 enum Action {
     /// List presets and known camera formats
     List,
-    /// Print a camera as a file that --preset reads back
+    /// Print a camera as a file that --camera reads back
     Show(Show),
 }
 
@@ -33,16 +33,16 @@ struct Show {
     #[command(flatten)]
     changes: Changes,
     /// Write DIR/camera.toml, with its maps beside it, instead of printing
-    #[arg(long, value_name = "DIR")]
-    write: Option<PathBuf>,
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
     /// Draw the fixed pattern of --camera-seed and keep it as maps: one camera instead of a kind
-    #[arg(long, requires = "write")]
+    #[arg(long, requires = "output")]
     maps: bool,
-    /// Seed of the fixed pattern
+    /// Seed of the fixed pattern: which camera of its kind it is
     #[arg(long, value_name = "N", default_value_t = 0, requires = "maps")]
     camera_seed: u64,
     /// Overwrite files of the same name
-    #[arg(long, requires = "write")]
+    #[arg(long, requires = "output")]
     force: bool,
 }
 
@@ -85,7 +85,7 @@ fn show(args: &Show, out: &Out) -> Result<()> {
             swing_v: Some(circuit.swing_v),
         };
     }
-    if let Some(folder) = &args.write {
+    if let Some(folder) = &args.output {
         let path = save_camera(&camera, folder, args.force)?;
         out.say(path.display());
         return out.event(&json!({"event": "done", "file": path.display().to_string()}));

@@ -62,6 +62,17 @@ enum Method {
     Isi,
 }
 
+impl Method {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Tfp => "tfp",
+            Self::Span => "span",
+            Self::Tfi => "tfi",
+            Self::Isi => "isi",
+        }
+    }
+}
+
 impl Args {
     /// Readouts on either side that a picture needs.
     fn half(&self) -> usize {
@@ -177,7 +188,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     say_cut(&cut, out);
     out.event(&json!({
         "event": "done", "file": args.output.display().to_string(), "pictures": moments.len(),
-        "method": format!("{:?}", args.method).to_lowercase(), "white": white, "readouts": moments,
+        "method": args.method.name(), "white": white, "readouts": moments,
         "not_measurable": cut,
     }))
 }

@@ -6,14 +6,13 @@ use clap::{Args as ClapArgs, ValueEnum};
 
 use serde_json::{Value, json};
 use spikelane::calibrate::{Protocol, predict};
-use spikelane::draws::Seeds;
 use spikelane::effects::Camera;
 use spikelane::error::Result;
-use spikelane::presets;
 
-use super::camera::Changes;
+use super::camera::CameraArgs;
 use super::output::{Out, bytes_text};
 use super::progress::Files;
+use super::seeds::SeedArgs;
 
 /// Which recordings.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -27,25 +26,22 @@ enum Kind {
 /// Simulate all recordings of a calibration protocol, or plan their length.
 #[derive(Debug, ClapArgs)]
 pub struct Args {
-    /// Preset or camera file.
-    camera: String,
+    /// The same as --camera
+    #[arg(value_name = "CAMERA", conflicts_with = "camera")]
+    named: Option<String>,
     #[command(flatten)]
-    changes: Changes,
-    /// Folder for the recordings and recordings.toml.
-    #[arg(short, long, default_value = "recordings")]
-    out: PathBuf,
+    camera: CameraArgs,
+    /// Folder for the recordings and recordings.toml
+    #[arg(short, long, value_name = "DIR", default_value = "recordings")]
+    output: PathBuf,
     /// Which recordings to make.
     #[arg(long, value_enum, default_value_t = Kind::Recommended)]
     protocol: Kind,
     /// Readouts of each recording.
     #[arg(long, default_value_t = 10_000)]
     readouts: u32,
-    /// Seed of the camera's fixed pattern.
-    #[arg(long, default_value_t = 1)]
-    camera_seed: u64,
-    /// Seed of the temporal noise.
-    #[arg(long, default_value_t = 2)]
-    shot_seed: u64,
+    #[command(flatten)]
+    seeds: SeedArgs,
     /// Only say which precision how many readouts will give.
     #[arg(long)]
     plan: bool,
@@ -59,7 +55,7 @@ pub struct Args {
 /// # Errors
 /// When the camera is unknown, or a file cannot be written.
 pub fn run(args: &Args, out: &Out) -> Result<()> {
-    let camera = args.changes.apply(presets::load(&args.camera)?)?;
+    let camera = args.camera.named(args.named.as_deref())?;
     let protocol = match args.protocol {
         Kind::Recommended => Protocol::recommended(args.readouts),
         Kind::Grey => Protocol::grey_levels(args.readouts),
@@ -71,11 +67,11 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         return out.result(&json!({"event": "plan", "precision": rows, "bytes": bytes}), &text);
     }
     out.say(text.trim_end());
-    let seeds = Seeds { camera: args.camera_seed, shot: args.shot_seed, sequence: 0 };
     let mut progress = Files::new(out);
-    let path = protocol.record(&camera, seeds, &args.out, args.force, &mut |name, share| {
-        progress.step(name, share);
-    })?;
+    let path =
+        protocol.record(&camera, args.seeds.seeds(), &args.output, args.force, &mut |name, share| {
+            progress.step(name, share);
+        })?;
     drop(progress);
     let file = path.display().to_string();
     let event = json!({"event": "done", "file": file, "precision": rows, "bytes": bytes});

@@ -9,6 +9,7 @@ use spikelane::{Error, Kind, Result, storage};
 
 use super::output::Out;
 use super::progress::{Progress, stop_flag};
+use super::seeds::SceneSeed;
 use super::video::{Pictures, Video};
 
 /// Draw a random driving scene and its labels as pictures
@@ -20,9 +21,8 @@ pub struct Args {
     /// Folder to write to; made if missing
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Seed of the scene
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub seed: u64,
+    #[command(flatten)]
+    pub seeds: SceneSeed,
     /// Light [default: drawn by the seed]
     #[arg(long, value_parser = PossibleValuesParser::new(Lighting::ALL.map(Lighting::name)))]
     pub lighting: Option<String>,
@@ -69,7 +69,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         duration_s: f64::from(args.frames) / args.rate,
         ..SceneOptions::default()
     };
-    let scene = Scene::random(args.seed, &options)?;
+    let scene = Scene::random(args.seeds.scene_seed, &options)?;
     std::fs::create_dir_all(&args.output).map_err(|e| Error::io(args.output.display(), e))?;
     let mut video = if args.video {
         let path = args.output.join("scene.mp4");
@@ -94,7 +94,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     drop(progress);
     let event = json!({
         "event": "done", "output": args.output.display().to_string(), "frames": args.frames,
-        "seed": scene.seed(), "lighting": scene.lighting().name(), "vehicles": scene.vehicles(),
+        "scene_seed": scene.seed(), "lighting": scene.lighting().name(), "vehicles": scene.vehicles(),
         "white_cd_m2": scene.white_cd_m2(),
     });
     let text = format!(

@@ -15,7 +15,7 @@ pub struct StreamArgs {
     #[arg(long, value_name = "PIXELS")]
     pub height: Option<u32>,
     /// Layout of the file [default: from the sidecar or the file's header, else dat]
-    #[arg(long, visible_alias = "from", value_name = "LAYOUT",
+    #[arg(long, value_name = "LAYOUT",
           value_parser = PossibleValuesParser::new(Layout::ALL.map(Layout::name)))]
     pub layout: Option<String>,
 }

@@ -1,6 +1,6 @@
 //! The papers that go with a dataset: datasheet and licence.
 
-use crate::dataset::{Layout, Manifest, Options, Status, Work};
+use crate::dataset::{Manifest, Options, Status, Structure, Work};
 use crate::error::Result;
 use crate::storage;
 
@@ -32,7 +32,7 @@ fn datasheet(options: &Options, manifest: &Manifest) -> String {
             d.images, d.readouts_per_image, d.label_every
         ),
         Work::Inputs(i) => format!(
-            "Videos and image folders of the user, {} readouts per frame ({:?}). Their rights remain theirs.",
+            "Videos and image folders of the user, {} readouts per frame ({}). Their rights remain theirs.",
             i.readouts_per_frame, i.insertion
         ),
     };
@@ -52,7 +52,7 @@ fn datasheet(options: &Options, manifest: &Manifest) -> String {
          ## What it is not\n\nSimulated: no camera took it. A network trained on it should be tested on recordings.\n",
         count("train"),
         count("test"),
-        options.layout.rate_at_255(),
+        options.structure.rate_at_255(),
         options.camera.name,
         sensor.geometry,
         sensor.readout_hz,
@@ -61,21 +61,21 @@ fn datasheet(options: &Options, manifest: &Manifest) -> String {
         options.camera_seed,
         options.licence.as_deref().unwrap_or("none chosen"),
         env!("CARGO_PKG_VERSION"),
-        options.layout.rate_at_255(),
+        options.structure.rate_at_255(),
         loader(options),
     )
 }
 
-/// How the loader of the layout is told of the rate.
+/// How the loader of the structure is told of the rate.
 fn loader(options: &Options) -> String {
     let geometry = options.camera.sensor.geometry;
-    match options.layout {
-        Layout::SpikeCv => ", as SpikeCV's own pictures are".to_owned(),
-        Layout::SpikeZoo => format!(
+    match options.structure {
+        Structure::SpikeCv => ", as SpikeCV's own pictures are".to_owned(),
+        Structure::SpikeZoo => format!(
             " (`BaseDatasetConfig(width={}, height={}, rate={})` of Spike-Zoo)",
             geometry.width(),
             geometry.height(),
-            options.layout.rate_at_255()
+            options.structure.rate_at_255()
         ),
     }
 }

@@ -26,41 +26,61 @@ pub struct Input {
     pub frames: Option<u64>,
 }
 
+/// What a search found.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Search {
+    /// What becomes sequences, in the order of their paths.
+    pub inputs: Vec<Input>,
+    /// Pictures that lie by themselves in their folder, below the folder that was searched: a cover or a
+    /// thumbnail is no clip.
+    pub stray: Vec<PathBuf>,
+}
+
 /// Finds them in the order of their paths; links to folders are not followed, hidden
 /// entries and the folder `except` (the output, if it lies below) are passed over.
 ///
 /// # Errors
 /// [`Kind::Io`] when a folder cannot be listed; [`Kind::Input`] when nothing is found.
-pub fn inputs(folder: &Path, except: &Path) -> Result<Vec<Input>> {
-    let mut found = BTreeMap::new();
+pub fn inputs(folder: &Path, except: &Path) -> Result<Search> {
+    let mut found = Found::default();
     let except = fs::canonicalize(except).ok();
     search(folder, folder, except.as_deref(), &mut found)?;
-    if found.is_empty() {
+    found.stray.sort();
+    if found.clips.is_empty() {
+        let what =
+            if found.stray.is_empty() { "neither a video nor a folder of images" } else { "single pictures" };
         return Err(Error::new(Kind::Input, folder.display())
-            .found("neither a video nor a folder of images")
-            .expected("at least one"));
+            .found(what)
+            .expected("at least one video, or a folder of two or more images")
+            .remedy("'spikelane simulate' holds a single picture, or moves over it (--motion)"));
     }
-    Ok(found.into_iter().map(|(path, frames)| Input { id: id(&path), path, frames }).collect())
+    let own = fs::canonicalize(folder).ok().and_then(|f| Some(f.file_name()?.to_string_lossy().into_owned()));
+    let own = own.unwrap_or_else(|| "images".to_owned());
+    let named = |(path, frames): (PathBuf, _)| Input { id: id(&path, &own), path, frames };
+    Ok(Search { inputs: found.clips.into_iter().map(named).collect(), stray: found.stray })
 }
 
-/// Readable and unique: the path's letters, and a hash of the whole of it.
-fn id(path: &Path) -> String {
+/// Readable and unique: the path's letters, or those of the searched folder itself, and a hash of the whole path.
+fn id(path: &Path, own: &str) -> String {
     let text = path.to_string_lossy();
+    let readable = if text.is_empty() { own } else { &*text };
     let plain: String =
-        text.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).take(60).collect();
+        readable.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).take(60).collect();
     let plain = plain.trim_matches('-');
-    let name = if plain.is_empty() { "root" } else { plain };
+    let name = if plain.is_empty() { "clip" } else { plain };
     format!("{name}-{:08x}", Stream::named(&text).id() as u32)
 }
 
-fn search(
-    root: &Path,
-    folder: &Path,
-    except: Option<&Path>,
-    found: &mut BTreeMap<PathBuf, Option<u64>>,
-) -> Result<()> {
+/// What a search has met.
+#[derive(Default)]
+struct Found {
+    clips: BTreeMap<PathBuf, Option<u64>>,
+    stray: Vec<PathBuf>,
+}
+
+fn search(root: &Path, folder: &Path, except: Option<&Path>, found: &mut Found) -> Result<()> {
     let refused = |e| Error::io(folder.display(), e);
-    let mut pictures = 0;
+    let mut pictures = Vec::new();
     for entry in fs::read_dir(folder).map_err(refused)? {
         let entry = entry.map_err(refused)?;
         let (path, kind) = (entry.path(), entry.file_type().map_err(refused)?);
@@ -72,13 +92,15 @@ fn search(
                 search(root, &path, except, found)?;
             }
         } else if picture::is_picture(&path) {
-            pictures += 1;
+            pictures.push(below(root, &path));
         } else if is_moving(&path) {
-            found.insert(below(root, &path), None);
+            found.clips.insert(below(root, &path), None);
         }
     }
-    if pictures > 0 {
-        found.insert(below(root, folder), Some(pictures));
+    match pictures.len() {
+        0 => {}
+        1 => found.stray.append(&mut pictures),
+        n => drop(found.clips.insert(below(root, folder), Some(n as u64))),
     }
     Ok(())
 }

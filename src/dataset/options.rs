@@ -15,7 +15,7 @@ use crate::scene::{Lighting, Samples};
 
 /// Which loaders find their folders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Layout {
+pub enum Structure {
     /// `SPLIT/spike/ID.dat`, `SPLIT/gt/ID.png` and SpikeCV's `config.yaml`.
     #[default]
     SpikeCv,
@@ -23,7 +23,7 @@ pub enum Layout {
     SpikeZoo,
 }
 
-impl Layout {
+impl Structure {
     /// The name in arguments and manifests.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -34,12 +34,12 @@ impl Layout {
     }
 }
 
-impl std::str::FromStr for Layout {
+impl std::str::FromStr for Structure {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
         [Self::SpikeCv, Self::SpikeZoo].into_iter().find(|l| l.name() == name).ok_or_else(|| {
-            Error::new(Kind::Usage, "dataset layout")
+            Error::new(Kind::Usage, "dataset structure")
                 .found(format_args!("`{name}`"))
                 .expected("spikecv or spike-zoo")
         })
@@ -157,14 +157,16 @@ pub struct Options {
     pub work: Work,
     /// The camera.
     pub camera: Camera,
-    /// Everything follows from this seed.
+    /// The noise of all sequences follows from this seed.
     pub seed: u64,
+    /// The scenes, and which sequences are for testing, follow from this one.
+    pub scene_seed: u64,
     /// Clear images that are kept.
     pub images: Images,
     /// Which camera of the kind: fixes the fixed pattern of all sequences.
     pub camera_seed: u64,
-    /// Folders of loaders.
-    pub layout: Layout,
+    /// Whose folders and codes.
+    pub structure: Structure,
     /// Share of the sequences that are for testing, 0 to 1.
     pub test_share: f64,
     /// SPDX identifier or words under which the dataset is given on; the user's choice.
@@ -218,12 +220,12 @@ impl Options {
 
     /// Seed of the scene of sequence `id`.
     #[must_use]
-    pub fn scene_seed(&self, id: &str) -> u64 {
-        mix64(mix64(self.seed) ^ Stream::named(&format!("scene {id}")).id())
+    pub fn seed_of_scene(&self, id: &str) -> u64 {
+        mix64(mix64(self.scene_seed) ^ Stream::named(&format!("scene {id}")).id())
     }
 
     fn split_draw(&self, id: &str) -> u64 {
-        mix64(mix64(self.seed) ^ Stream::named(&format!("split {id}")).id())
+        mix64(mix64(self.scene_seed) ^ Stream::named(&format!("split {id}")).id())
     }
 
     /// Which of `ids` are for testing.
@@ -261,14 +263,14 @@ impl Options {
             }),
             Work::Inputs(i) => json!({
                 "kind": "inputs", "folder": i.folder.display().to_string(),
-                "readouts_per_frame": i.readouts_per_frame, "insertion": format!("{:?}", i.insertion),
-                "fit": format!("{:?}", i.fit), "transfer": i.transfer.map(|t| format!("{t:?}")),
+                "readouts_per_frame": i.readouts_per_frame, "insertion": i.insertion.to_string(),
+                "fit": i.fit.to_string(), "transfer": i.transfer.map(|t| t.to_string()),
             }),
         };
         Ok(json!({
             "work": work, "camera": presets::to_toml(&self.camera)?.text, "seed": self.seed,
-            "camera_seed": self.camera_seed, "layout": self.layout.name(), "test_share": self.test_share,
-            "ground_truth": truth::facts(self.layout),
+            "scene_seed": self.scene_seed,             "camera_seed": self.camera_seed, "structure": self.structure.name(), "test_share": self.test_share,
+            "ground_truth": truth::facts(self.structure),
             "images": { "every": self.images.every, "as": self.images.form.name() },
             "version": env!("CARGO_PKG_VERSION"),
         }))

@@ -4,10 +4,10 @@ use std::fs;
 
 use crate::dataset::manifest;
 use crate::dataset::{
-    Entry, Estimate, Manifest, Options, Record, Status, Work, card, from, inputs, layout, sequence,
+    Entry, Estimate, Manifest, Options, Record, Status, Work, card, from, inputs, sequence, structure,
 };
 use crate::error::{Error, Kind, Result};
-use crate::formats::Layout as StreamLayout;
+use crate::formats::Layout;
 use crate::storage;
 
 /// How far a dataset is.
@@ -28,7 +28,7 @@ pub struct Progress<'a> {
 }
 
 /// What was done.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report {
     /// Sequences made.
     pub made: usize,
@@ -36,6 +36,8 @@ pub struct Report {
     pub verified: usize,
     /// Sequences set aside.
     pub failed: usize,
+    /// What was set aside, sequences and stray pictures: the path of each, and why.
+    pub set_aside: Vec<(String, String)>,
     /// Scenes made whose picture moves by more than half a pixel from one readout to the next.
     pub too_fast: usize,
     /// Readouts a second at which none of them would; 0 when none does.
@@ -62,7 +64,7 @@ pub fn estimate(options: &Options) -> Result<Estimate> {
 fn expected_bytes(options: &Options, readouts: Option<u64>) -> Result<Option<u64>> {
     let Some(readouts) = readouts else { return Ok(None) };
     let geometry = options.camera.sensor.geometry;
-    let streams = 2 * StreamLayout::Dat.file_bytes(geometry, readouts)?;
+    let streams = 2 * Layout::Dat.file_bytes(geometry, readouts)?;
     let pixels = geometry.pixels() as u64;
     let kept = options.images.form.bytes_per_pixel();
     let rest = match &options.work {
@@ -115,7 +117,7 @@ fn plan(options: &Options) -> Result<Manifest> {
 fn entries(options: &Options) -> Result<Vec<Entry>> {
     let new = |id: String, input: Option<String>, readouts: Option<u64>| -> Result<Entry> {
         let seeds = options.seeds(&id);
-        let scene = matches!(options.work, Work::Drives(_)).then(|| options.scene_seed(&id));
+        let scene = matches!(options.work, Work::Drives(_)).then(|| options.seed_of_scene(&id));
         Ok(Entry {
             scene_seed: scene,
             seeds: [seeds.camera, seeds.shot, seeds.sequence],
@@ -131,6 +133,7 @@ fn entries(options: &Options) -> Result<Vec<Entry>> {
             (0..d.sequences).map(|i| new(format!("scene-{i:04}"), None, Some(d.readouts()))).collect()
         }
         Work::Inputs(i) => inputs(&i.folder, &options.output)?
+            .inputs
             .into_iter()
             .map(|found| {
                 let readouts = found.frames.map(|n| n.saturating_mul(i.readouts_per_frame));
@@ -167,7 +170,7 @@ pub fn make(options: &Options, watch: &mut dyn FnMut(Progress<'_>) -> Result<()>
     let sequences = options.output.join("sequences");
     fs::create_dir_all(&sequences).map_err(|e| Error::io(sequences.display(), e))?;
     manifest.write(&options.output)?;
-    layout::config(options)?;
+    structure::config(options)?;
     let mut report = Report::default();
     let of = manifest.entries.len();
     for index in 0..of {
@@ -177,19 +180,19 @@ pub fn make(options: &Options, watch: &mut dyn FnMut(Progress<'_>) -> Result<()>
         if entry.status == Status::Done {
             watch(at(0, entry.readouts, true))?;
             if verified(options, &entry) && input_digest(options, &entry)? == entry.input_digest {
-                layout::place(options, &entry)?;
+                structure::place(options, &entry)?;
                 report.verified += 1;
                 continue;
             }
         }
-        layout::displace(options, &entry.id);
+        structure::displace(options, &entry.id);
         // Taken before it is read: a change meanwhile is then seen by the next --resume.
         let read = input_digest(options, &entry);
         let made = sequence::make(options, &entry, &mut |done, total| watch(at(done, total, false)));
         manifest.entries[index] = settle(entry, made, &mut report)?;
         manifest.entries[index].input_digest = read.unwrap_or(None);
         if manifest.entries[index].status == Status::Done {
-            layout::place(options, &manifest.entries[index])?;
+            structure::place(options, &manifest.entries[index])?;
         } else {
             // A former attempt may have left a folder whose digests no longer hold.
             let old = sequences.join(&manifest.entries[index].id);
@@ -198,7 +201,16 @@ pub fn make(options: &Options, watch: &mut dyn FnMut(Progress<'_>) -> Result<()>
         manifest.write(&options.output)?;
     }
     card::write(options, &manifest)?;
+    report.set_aside.extend(stray(options)?);
     Ok(report)
+}
+
+/// Pictures that lie by themselves among the inputs.
+fn stray(options: &Options) -> Result<Vec<(String, String)>> {
+    let Work::Inputs(work) = &options.work else { return Ok(Vec::new()) };
+    let why = "a single picture is no clip; two or more in a folder are";
+    let said = |path: std::path::PathBuf| (path.display().to_string(), why.to_owned());
+    Ok(inputs(&work.folder, &options.output)?.stray.into_iter().map(said).collect())
 }
 
 /// Digest of the input as it is now; none for scenes, and for an input that is gone.
@@ -241,6 +253,7 @@ fn settle(mut entry: Entry, made: Result<(Record, String, u64)>, report: &mut Re
             entry.digest = None;
             entry.reason = Some(e.to_string());
             report.failed += 1;
+            report.set_aside.push((entry.input.clone().unwrap_or_default(), e.to_string()));
         }
         Err(e) if e.kind() == Kind::Space => {
             return Err(e.remedy("free some space, then go on with --resume; finished sequences are kept"));

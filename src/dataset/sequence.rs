@@ -8,9 +8,9 @@ use serde_json::{Value, json};
 use crate::dataset::images::Keeper;
 use crate::dataset::labels;
 use crate::dataset::truth::{self, Dimmed};
-use crate::dataset::{Drive, Drives, Entry, Inputs, Layout, Options, Record, Work};
+use crate::dataset::{Drive, Drives, Entry, Inputs, Options, Record, Structure, Work};
 use crate::error::{Error, Result};
-use crate::formats::Layout as StreamLayout;
+use crate::formats::Layout;
 use crate::light::{self, Frame, Insertion, Samples, Source, Timeline};
 use crate::scene::{Scene, SceneOptions};
 use crate::simulate::{CameraFacts, LightFacts, Looks, Outcome, Run, Sidecar, StreamFacts, run_looking};
@@ -97,10 +97,10 @@ fn drive(
 ) -> Result<(Value, u64)> {
     let rate = options.rate()?;
     let readouts = drives.readouts();
-    let seed = entry.scene_seed.unwrap_or_else(|| options.scene_seed(&entry.id));
+    let seed = entry.scene_seed.unwrap_or_else(|| options.seed_of_scene(&entry.id));
     let scene = Scene::random(seed, &scene_options(options, drives)?)?;
     let mut drive = Drive::new(scene, rate, readouts, drives.white_cd_m2, drives.samples, options.threads)?;
-    if options.layout == Layout::SpikeZoo {
+    if options.structure == Structure::SpikeZoo {
         let by = truth::exposure(options, &drive.light(readouts / 2)?);
         drive.expose(by);
     }
@@ -128,7 +128,7 @@ fn drive(
         "readouts": outcome.readouts, "readouts_per_image": drives.readouts_per_image,
         "image_readouts": "the number in the file's name", "clear_readout": readouts / 2,
         "clear_transfer": "srgb",
-        "ground_truth": truth::facts(options.layout), "images": keeper.facts(),
+        "ground_truth": truth::facts(options.structure), "images": keeper.facts(),
         "label_readouts": labelled, "max_px_per_readout": plan.max_px_per_readout,
         "key_frames": plan.keys.len(), "too_fast": plan.too_fast(),
         "needed_readout_hz": plan.needed_hz(rate.hz()) as u64,
@@ -165,7 +165,7 @@ fn input(
     let about = json!({
         "kind": "input", "input": name, "frames": outcome.frames, "readouts": outcome.readouts,
         "readouts_per_frame": inputs.readouts_per_frame, "clear_readout": middle, "clear_transfer": "srgb",
-        "ground_truth": truth::facts(options.layout), "light_scale": by, "images": keeper.facts(),
+        "ground_truth": truth::facts(options.structure), "light_scale": by, "images": keeper.facts(),
         "frames_beyond_greatest_light": outcome.too_bright,
     });
     Ok((about, outcome.readouts))
@@ -181,7 +181,7 @@ fn input_exposure(
     let mut first = Frame::dark(source.geometry());
     let floats = source.next_frame(&mut first)? && matches!(first.samples(), Samples::F32(_));
     drop(source);
-    if options.layout != Layout::SpikeZoo || !floats {
+    if options.structure != Structure::SpikeZoo || !floats {
         return Ok(1.0);
     }
     let middle = truth::middle(open, timeline, None)?;
@@ -200,7 +200,7 @@ fn streams(
     let (camera, seeds) = (truth::exposed(options), options.seeds(&entry.id));
     let folder = keeper.folder.clone();
     let mut job = Run::new(camera.clone(), seeds, timeline);
-    job.layout = StreamLayout::Dat;
+    job.layout = Layout::Dat;
     job.threads = options.threads;
     let (noisy, clean) = (folder.join("stream.dat"), folder.join("stream.clean.dat"));
     let every = keeper.every;
@@ -217,7 +217,7 @@ fn streams(
     let electrons = camera.operating(0.0).electrons;
     sidecar.images = keeper.facts();
     sidecar.light = Some(LightFacts {
-        insertion: format!("{:?}", timeline.insertion()).to_lowercase(),
+        insertion: timeline.insertion().to_string(),
         readouts_per_frame: timeline.readouts(1).map(|n| n.to_string()),
         frames: outcome.frames,
         exposure_electrons: electrons * camera.sensor.thresholds_at_full_scale,

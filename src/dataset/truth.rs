@@ -5,7 +5,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use crate::dataset::labels::write;
-use crate::dataset::{Layout, Options};
+use crate::dataset::{Options, Structure};
 use crate::effects::Camera;
 use crate::error::Result;
 use crate::light::{Frame, Rate, Samples, Source, Timeline};
@@ -23,7 +23,7 @@ const WHITE: f32 = 254.5 / 255.0;
 /// One exposure and the next shorter one that is tried.
 const STEP: f32 = 0.99;
 
-impl Layout {
+impl Structure {
     /// The rate, in spikes per pixel and readout, for which code 255 of the ground truth stands.
     ///
     /// Spike-Zoo divides reconstructed rates by the `rate` of its configuration, 0.6 by default, before it
@@ -42,17 +42,17 @@ impl Layout {
 /// SpikeCV's code 255 is the greatest rate that there is; nothing needs to change for it.
 pub(super) fn exposed(options: &Options) -> Camera {
     let mut camera = options.camera.clone();
-    if options.layout == Layout::SpikeZoo {
+    if options.structure == Structure::SpikeZoo {
         let full = &mut camera.sensor.thresholds_at_full_scale;
-        *full = full.min(options.layout.rate_at_255());
+        *full = full.min(options.structure.rate_at_255());
     }
     camera
 }
 
 /// What codes stand for, for manifests and records.
-pub(super) fn facts(layout: Layout) -> Value {
+pub(super) fn facts(structure: Structure) -> Value {
     json!({
-        "file": "gt.png", "transfer": "linear", "rate_at_255": layout.rate_at_255(),
+        "file": "gt.png", "transfer": "linear", "rate_at_255": structure.rate_at_255(),
         "readout": "floor(readouts / 2), counted from 0",
     })
 }
@@ -61,7 +61,7 @@ pub(super) fn facts(layout: Layout) -> Value {
 pub(super) fn write_both(options: &Options, light: &Frame, folder: &Path) -> Result<()> {
     let (values, geometry) = (light.to_f32(), light.geometry());
     write(folder, "clear.png", &ImageForm::U8.encode(&values, geometry)?)?;
-    let full = exposed(options).sensor.thresholds_at_full_scale / options.layout.rate_at_255();
+    let full = exposed(options).sensor.thresholds_at_full_scale / options.structure.rate_at_255();
     let codes: Vec<f32> = values.iter().map(|&x| x * full as f32).collect();
     write(folder, "gt.png", &linear_png(&codes, geometry)?)
 }
@@ -71,13 +71,13 @@ pub(super) fn write_both(options: &Options, light: &Frame, folder: &Path) -> Res
 /// Lamps that saturate the sensor itself are not counted: no exposure that shows the rest would save them.
 pub(super) fn exposure(options: &Options, light: &Frame) -> f32 {
     let integers = !matches!(light.samples(), Samples::F32(_));
-    if options.layout != Layout::SpikeZoo || integers {
+    if options.structure != Structure::SpikeZoo || integers {
         // The greatest rate is as far as the pixel goes; what integers say ends at white.
         return 1.0;
     }
     let values = light.to_f32();
     let rate = exposed(options).sensor.thresholds_at_full_scale as f32;
-    let white = WHITE * options.layout.rate_at_255() as f32;
+    let white = WHITE * options.structure.rate_at_255() as f32;
     let most = (values.len() as f64 * CUT_SHARE) as usize;
     let cut = |by: f32| values.iter().filter(|&&x| (white..1.0).contains(&(x * rate * by))).count();
     let mut by = 1.0;

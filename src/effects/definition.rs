@@ -200,6 +200,7 @@ impl Definition {
             Error::new(Kind::Config, format_args!("effect {}", self.name))
                 .found(format_args!("parameter \"{key}\""))
                 .expected(format_args!("one of {}", keys.join(", ")))
+                .or_nearest(key, keys)
         })
     }
 

@@ -75,5 +75,6 @@ pub fn find(name: &str) -> Result<&'static Definition> {
         Error::new(Kind::Config, "effect")
             .found(format_args!("\"{name}\""))
             .expected(format_args!("one of {}", names.join(", ")))
+            .or_nearest(name, names)
     })
 }

@@ -74,6 +74,7 @@ impl Layout {
             Error::new(Kind::Usage, "layout")
                 .found(format_args!("'{name}'"))
                 .expected(Self::ALL.map(Self::name).join(", "))
+                .or_nearest(name, Self::ALL.map(Self::name))
         })
     }
 

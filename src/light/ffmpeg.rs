@@ -100,6 +100,7 @@ pub(super) fn missing(program: &str, error: std::io::Error) -> Error {
 pub struct Decoded {
     video: Video,
     process: Process,
+    announced: Option<u64>,
     over: bool,
 }
 
@@ -138,7 +139,7 @@ impl Decoded {
         }
         let output: Box<dyn Read + Send> = Box::new(output);
         let video = Video::with_known_codes(output, &name, camera, fit, linear, probe.known())?;
-        Ok(Self { video, process, over: false })
+        Ok(Self { video, process, announced: probe.frames(), over: false })
     }
 }
 
@@ -149,6 +150,10 @@ impl Source for Decoded {
 
     fn frames(&self) -> Option<u64> {
         None
+    }
+
+    fn announced_frames(&self) -> Option<u64> {
+        self.announced
     }
 
     fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {

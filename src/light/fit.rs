@@ -42,6 +42,16 @@ impl FromStr for Fit {
     }
 }
 
+impl std::fmt::Display for Fit {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Resize => "resize",
+            Self::Stretch => "stretch",
+            Self::Crop => "crop",
+        })
+    }
+}
+
 impl Fit {
     /// `frame` at the size of `camera`.
     ///

@@ -193,6 +193,12 @@ pub trait Source: Send {
     /// How many frames there are in all; `None` when only the end will tell (a pipe).
     fn frames(&self) -> Option<u64>;
 
+    /// How many frames there are by the input's own word, which may be off: for a forecast, and for the share that
+    /// is done.
+    fn announced_frames(&self) -> Option<u64> {
+        self.frames()
+    }
+
     /// Replaces `into` by the next frame. `false` after the last one, and then
     /// `into` is left alone.
     ///

@@ -25,6 +25,16 @@ pub enum Element {
     F32,
 }
 
+impl std::fmt::Display for Element {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::U8 => "u8",
+            Self::U16 => "u16",
+            Self::F32 => "f32",
+        })
+    }
+}
+
 impl Element {
     /// Bytes of one element.
     #[must_use]
@@ -306,6 +316,6 @@ impl Source for Array {
 
     fn describe(&self) -> String {
         let r = &self.reader;
-        format!("{}: {} frames of {}, {:?}", r.name, r.frames, r.geometry, r.element)
+        format!("{}: {} frames of {}, {}", r.name, r.frames, r.geometry, r.element)
     }
 }

@@ -198,7 +198,11 @@ pub fn linearise(image: DynamicImage, linear: &Linear) -> Result<Frame> {
         DynamicImage::ImageRgba32F(i) => colour32::<4>(i.as_raw(), linear),
         other => {
             return Err(Error::new(Kind::Input, "pixel type")
-                .found(format_args!("{:?}", other.color()))
+                .found(format_args!(
+                    "pixels of {} channels and {} bits",
+                    other.color().channel_count(),
+                    other.color().bits_per_pixel()
+                ))
                 .expected("grey or RGB of 8 or 16 bits or 32-bit float"));
         }
     };

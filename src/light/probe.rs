@@ -8,6 +8,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use crate::error::{Error, Kind, Result};
+use crate::light::Rate;
 use crate::light::yuv::{Known, Matrix};
 
 /// How the samples of a pixel format lie, and their bits.
@@ -25,6 +26,7 @@ pub(super) struct Probe {
     pixels: String,
     full: Option<bool>,
     matrix: Option<Matrix>,
+    frames: Option<u64>,
 }
 
 impl Probe {
@@ -43,7 +45,7 @@ impl Probe {
         };
         let ran = Command::new(&probe)
             .args(["-v", "error", "-select_streams", "v:0", "-of", "default=noprint_wrappers=1"])
-            .args(["-show_entries", "stream=pix_fmt,color_range,color_space"])
+            .args(["-show_entries", "stream=pix_fmt,color_range,color_space,nb_frames,duration,r_frame_rate"])
             .arg(input)
             .stdin(Stdio::null())
             .output()
@@ -90,7 +92,14 @@ impl Probe {
                     .remedy("convert it to RGB first, with a program that knows this matrix"));
             }
         };
-        Ok(Self { pixels, full, matrix })
+        let frames = value("nb_frames").and_then(|n| n.parse().ok());
+        let frames = frames.or_else(|| by_duration(&value("duration")?, &value("r_frame_rate")?));
+        Ok(Self { pixels, full, matrix, frames })
+    }
+
+    /// How many frames the container says it has, or its duration and rate say.
+    pub const fn frames(&self) -> Option<u64> {
+        self.frames
     }
 
     /// Filters after which frames are planes that y4m holds, with the values of the file.
@@ -131,6 +140,13 @@ impl Probe {
             _ => Known { matrix: self.matrix, full: Some(self.is_full()) },
         }
     }
+}
+
+/// Frames in `duration` seconds at a rate such as `30000/1001`.
+fn by_duration(duration: &str, rate: &str) -> Option<u64> {
+    let (seconds, rate): (f64, Rate) = (duration.parse().ok()?, rate.parse().ok()?);
+    let frames = (seconds * rate.hz()).round();
+    (frames.is_finite() && frames >= 1.0).then_some(frames as u64)
 }
 
 /// ffmpeg's name of a planar format.

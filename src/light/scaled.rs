@@ -35,6 +35,10 @@ impl Source for Scaled {
         self.source.frames()
     }
 
+    fn announced_frames(&self) -> Option<u64> {
+        self.source.announced_frames()
+    }
+
     fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
         if !self.source.next_frame(into)? {
             return Ok(false);

@@ -122,6 +122,16 @@ impl FromStr for Insertion {
     }
 }
 
+impl std::fmt::Display for Insertion {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Hold => "hold",
+            Self::Linear => "linear",
+            Self::Flow => "flow",
+        })
+    }
+}
+
 /// The light of one readout: between frame `frame` and the one after it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Moment {

@@ -82,6 +82,7 @@ pub fn builtin(name: &str) -> Result<Camera> {
         Error::new(Kind::Config, "preset")
             .found(format_args!("\"{name}\""))
             .expected(format_args!("one of {}, or a .toml file", names.join(", ")))
+            .or_nearest(name, names)
     })?;
     parse(preset.text, None).map_err(|e| e.within(format_args!("preset {name}")))
 }

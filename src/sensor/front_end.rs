@@ -66,7 +66,7 @@ impl FrontEnd {
         let whole = (0.999..=1.001).contains(&sum);
         if !whole || self.luminance.iter().any(|w| *w < 0.0) {
             return Err(Error::new(Kind::Config, "luminance")
-                .found(format_args!("{:?}", self.luminance))
+                .found(self.luminance.map(|w| w.to_string()).join(", "))
                 .expected("weights of red, green and blue, zero or more, that add up to 1"));
         }
         match self.full_scale {

@@ -135,6 +135,8 @@ pub struct Outcome {
     pub simulated: Duration,
     /// Of this, time in which nothing could be done but wait for light.
     pub waited: Duration,
+    /// Of this, time in the kernels, all streams together.
+    pub kernel: Duration,
     /// Time to bring the files to the disk.
     pub synced: Duration,
 }
@@ -190,7 +192,7 @@ pub fn run_looking(
     let limit = total.or(job.readouts).unwrap_or(u64::MAX);
     let mut feeder = Feeder::new(source, first, job.timeline, limit, greatest_light);
     let start = Instant::now();
-    let (glance, waited) = writing::write(&mut streams, job.threads > 1, |writing| {
+    let (glance, waited, kernel) = writing::write(&mut streams, job.threads > 1, |writing| {
         simulate(&mut feeder, &mut simulators, writing, looks, (total, total.or(job.readouts)), watch)
     })?;
     let (readouts, frames, too_bright) = (feeder.at(), feeder.frames, feeder.too_bright);
@@ -214,6 +216,7 @@ pub fn run_looking(
         glance,
         simulated,
         waited,
+        kernel,
         synced,
     })
 }
@@ -241,11 +244,11 @@ fn simulate(
     mut looks: Option<Looks<'_>>,
     (exactly, total): (Option<u64>, Option<u64>),
     watch: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
-) -> Result<(Glance, Duration)> {
+) -> Result<(Glance, Duration, Duration)> {
     let bytes = feeder.current().geometry().frame_bytes();
     let batch = READOUTS.min((HELD / bytes).max(1));
     let mut glances = Glances::new(exactly, feeder.current());
-    let mut written = vec![0; simulators.len()];
+    let mut written = Made { readouts: vec![0; simulators.len()], kernel: Duration::ZERO };
     watch(0, total)?;
     let mut waited = Duration::ZERO;
     loop {
@@ -258,12 +261,12 @@ fn simulate(
             // Dropped readouts are made up for in the last light.
             let light = feed::held(feeder.current());
             for (i, simulator) in simulators.iter_mut().enumerate() {
-                while written[i] < feeder.at() {
+                while written.readouts[i] < feeder.at() {
                     let again = [Segment { readouts: 1, light }];
                     step(&mut writing, i, simulator, &mut written, &again, feeder.at())?;
                 }
             }
-            return Ok((glances.middle(feeder.at()), waited));
+            return Ok((glances.middle(feeder.at()), waited, written.kernel));
         }
         let segments: Vec<_> = pieces.iter().map(Piece::segment).collect();
         for (i, simulator) in simulators.iter_mut().enumerate() {
@@ -277,21 +280,31 @@ fn simulate(
     }
 }
 
+/// What the kernels have made so far.
+struct Made {
+    /// Readouts of each stream.
+    readouts: Vec<u64>,
+    /// Time that it took.
+    kernel: Duration,
+}
+
 /// Writes the readouts of `segments` that were not dropped to stream `i`, up to `limit` in all.
 fn step(
     writing: &mut Writing<'_>,
     i: usize,
     simulator: &mut Simulator,
-    written: &mut [u64],
+    made: &mut Made,
     segments: &[Segment<'_>],
     limit: u64,
 ) -> Result<()> {
     let bytes = simulator.plan().geometry().frame_bytes();
     let readouts: usize = segments.iter().map(|s| s.readouts).sum();
     writing.append(i, readouts * bytes, |packed| {
+        let start = Instant::now();
         let kept = simulator.run(segments, packed) as u64;
-        let frames = kept.min(limit.saturating_sub(written[i]));
-        written[i] += frames;
+        made.kernel += start.elapsed();
+        let frames = kept.min(limit.saturating_sub(made.readouts[i]));
+        made.readouts[i] += frames;
         frames as usize * bytes
     })
 }

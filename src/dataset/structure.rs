@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::dataset::{Entry, Layout, Options};
+use crate::dataset::{Entry, Options, Structure};
 use crate::error::{Error, Result};
 use crate::storage;
 
@@ -43,7 +43,7 @@ fn link(from: &Path, folder: &Path, name: &str) -> Result<()> {
 
 /// SpikeCV reads this beside the data.
 pub(super) fn config(options: &Options) -> Result<()> {
-    if options.layout != Layout::SpikeCv {
+    if options.structure != Structure::SpikeCv {
         return Ok(());
     }
     let geometry = options.camera.sensor.geometry;
