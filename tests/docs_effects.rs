@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 
 use spikelane::effects;
-use spikelane::effects::definition::Form;
 
 const BEGIN: &str = "<!-- generated: begin -->\n";
 const END: &str = "<!-- generated: end -->";
@@ -16,10 +15,7 @@ fn table() -> String {
     text += "\n| effect | parameter | range | neutral | typical | meaning |\n|---|---|---|---|---|---|\n";
     for d in effects::ALL {
         for p in d.params {
-            let range = match p.form {
-                Form::Number { unit, low, high } => format!("{} to {}", unit.format(low), unit.format(high)),
-                Form::Choice(words) => words.join(", "),
-            };
+            let range = p.range();
             let (neutral, typical) = (p.format(p.neutral), p.format(p.typical));
             writeln!(text, "| `{}` | `{}` | {range} | {neutral} | {typical} | {} |", d.name, p.key, p.help)
                 .unwrap();

@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use clap::builder::PossibleValuesParser;
-use serde_json::{Value, json};
+use serde_json::json;
 use spikelane::formats::{Layout, StreamWriter, convert};
+use spikelane::report::with_known;
 use spikelane::simulate::{Sidecar, StreamFacts, Written};
 use spikelane::{Error, Kind, Result, spikes};
 
@@ -88,14 +89,18 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         bytes: finished.bytes,
         digest: finished.digest,
     };
-    let origin = original.as_ref().map(|s| serde_json::to_value(s).unwrap_or(Value::Null));
+    let origin = original
+        .as_ref()
+        .map(serde_json::to_value)
+        .transpose()
+        .map_err(|e| Error::new(Kind::Config, sidecar.display()).found(e))?;
+    let from = json!({
+        "file": file_name(&args.input), "layout": reader.layout().name(), "readouts": [range.start, range.end],
+    });
+    let crop_facts = crop.map(|c| json!([c.x, c.y, c.width, c.height]));
     let facts = Sidecar {
         readout_hz: original.as_ref().and_then(|s| s.readout_hz),
-        converted_from: Some(json!({
-            "file": file_name(&args.input), "layout": reader.layout().name(),
-            "readouts": [range.start, range.end],
-            "crop": crop.map(|c| [c.x, c.y, c.width, c.height]), "sidecar": origin,
-        })),
+        converted_from: Some(with_known(from, [("crop", crop_facts), ("sidecar", origin)])),
         command: command_line(),
         ..Sidecar::new(
             geometry,

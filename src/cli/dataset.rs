@@ -11,6 +11,7 @@ use spikelane::dataset::{
     self, Drives, Estimate, Images, Inputs, Options, Progress, Report, Structure, Work,
 };
 use spikelane::light::{Fit, Insertion, Transfer};
+use spikelane::report::with_known;
 use spikelane::scene::Lighting;
 use spikelane::simulate::ImageForm;
 use spikelane::{Error, Kind, Result};
@@ -211,10 +212,11 @@ impl Watcher {
             return Ok(());
         }
         self.said = Instant::now();
-        self.out.event(&json!({
+        let about = json!({
             "event": "progress", "sequence": p.id, "index": p.index, "of": p.of, "readouts": p.readouts,
-            "total": p.total, "verifying": p.verifying,
-        }))
+            "verifying": p.verifying,
+        });
+        self.out.event(&with_known(about, [("total", p.total.map(Into::into))]))
     }
 }
 

@@ -29,18 +29,19 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
 }
 
 fn values(p: &Param) -> String {
-    let range = match p.form {
-        Form::Number { unit, low, high } => format!("{} to {}", unit.format(low), unit.format(high)),
-        Form::Choice(words) => words.join(" or "),
-    };
-    format!("{range}, off at {}, typically {}", p.format(p.neutral), p.format(p.typical))
+    format!("{}, off at {}, typically {}", p.range(), p.format(p.neutral), p.format(p.typical))
+}
+
+/// A number in the stored unit, or the word that stands for none.
+fn number(p: &Param, value: f64) -> serde_json::Value {
+    if value.is_finite() { json!(value) } else { json!(p.format(value)) }
 }
 
 fn param(p: &Param) -> serde_json::Value {
     match p.form {
         Form::Number { unit, low, high } => json!({
-            "key": p.key, "unit": unit.symbol(), "low": low, "high": high,
-            "neutral": p.neutral, "typical": p.typical, "help": p.help,
+            "key": p.key, "unit": unit.symbol(), "low": number(p, low), "high": number(p, high),
+            "neutral": number(p, p.neutral), "typical": number(p, p.typical), "help": p.help,
         }),
         Form::Choice(words) => json!({
             "key": p.key, "words": words,

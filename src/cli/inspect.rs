@@ -6,6 +6,7 @@ use serde_json::json;
 use spikelane::formats::Reader;
 use spikelane::measure::{Accumulator, Options, summarise};
 use spikelane::reconstruct::tfp;
+use spikelane::report::with_known;
 use spikelane::simulate::Sidecar;
 use spikelane::spikes::Packed;
 use spikelane::{Result, storage};
@@ -61,16 +62,21 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     }
     let bytes = std::fs::metadata(&args.file).map_or(0, |m| m.len());
     let (leading, trailing) = reader.dropped_bytes();
-    let event = json!({
+    let about = json!({
         "file": args.file.display().to_string(), "bytes": bytes, "layout": reader.layout().name(),
         "width": reader.geometry().width(), "height": reader.geometry().height(),
         "readouts": reader.readouts(), "dropped_bytes": leading + trailing,
         "measured_readouts": [range.start, range.end],
         "mean_rate": measured.mean, "least_pixel_rate": measured.least, "greatest_pixel_rate": measured.greatest,
         "dead_pixels": measured.dead, "stuck_pixels": measured.stuck, "hot_pixels": measured.hot,
-        "weak_pixels": measured.weak, "digest": digest, "digest_matches": matches,
-        "sidecar": sidecar.as_ref().map(|(path, _)| path.display().to_string()),
+        "weak_pixels": measured.weak,
     });
+    let beside = [
+        ("digest", digest.as_ref().map(|d| json!(d))),
+        ("digest_matches", matches.map(Into::into)),
+        ("sidecar", sidecar.as_ref().map(|(path, _)| path.display().to_string().into())),
+    ];
+    let event = with_known(about, beside);
     let seconds = sidecar
         .as_ref()
         .and_then(|(_, s)| s.readout_hz)

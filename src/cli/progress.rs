@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
+use spikelane::report::with_known;
 use spikelane::{Error, Kind, Result};
 
 use super::output::Out;
@@ -61,11 +62,14 @@ impl Progress {
             self.said = Instant::now();
             let seconds = self.start.elapsed().as_secs_f64();
             let per_second = done as f64 / seconds;
-            self.out.event(&json!({
-                "event": "progress", self.unit: done, "total": total, "seconds": seconds,
+            let about = json!({
+                "event": "progress", self.unit: done, "seconds": seconds,
                 format!("{}_per_second", self.unit): per_second,
-                "seconds_left": total.map(|n| n.saturating_sub(done) as f64 / per_second),
-            }))?;
+            });
+            // Before anything is done nobody knows how long it takes.
+            let left = |n: u64| (done > 0).then(|| json!(n.saturating_sub(done) as f64 / per_second));
+            let of = [("total", total.map(Into::into)), ("seconds_left", total.and_then(left))];
+            self.out.event(&with_known(about, of))?;
         }
         Ok(())
     }

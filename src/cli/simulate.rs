@@ -7,6 +7,7 @@ use clap::builder::PossibleValuesParser;
 use serde_json::json;
 use spikelane::formats::{Layout, Reader};
 use spikelane::light::Frame;
+use spikelane::report::with_known;
 use spikelane::simulate::{
     Ahead, CameraFacts, FrameRef, Looks, Outcome, Run, Sidecar, StreamFacts, Written, run_looking,
     save_camera,
@@ -131,12 +132,16 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     }
     let needed = needed_bytes(args, &job, &light, layout)?;
     let free = storage::free_space(&absolute(&names.noisy))?;
-    out.event(&json!({
+    let about = json!({
         "event": "start", "source": light.source.describe(), "light": light.source.front_end().to_string(), "camera": camera.name,
         "width": camera.sensor.geometry.width(), "height": camera.sensor.geometry.height(),
-        "readouts": job.expected(light.source.frames()), "bytes": needed, "free_bytes": free,
-        "backend": job.backend.name(), "threads": job.threads, "layout": layout.name(),
-    }))?;
+        "free_bytes": free, "backend": job.backend.name(), "threads": job.threads, "layout": layout.name(),
+    });
+    let expected = job.expected(light.source.frames());
+    out.event(&with_known(
+        about,
+        [("readouts", expected.map(Into::into)), ("bytes", needed.map(Into::into))],
+    ))?;
     if args.dry_run {
         return forecast::forecast(args, &job, light, free, out);
     }

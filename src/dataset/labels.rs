@@ -6,6 +6,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use crate::error::{Error, Kind, Result};
+use crate::report::with_known;
 use crate::scene::{Camera, Flow, KeyPlan, Labels, Samples, Scene, VehicleBox, labels};
 
 /// Writes a file into a folder that gets its name only when it is complete.
@@ -81,7 +82,7 @@ fn maps(folder: &Path, stem: &str, now: &Labels, kitti: bool) -> Result<()> {
         write(folder, &format!("{stem}.depth.kitti.png"), &depth)?;
     }
     let shape = [now.height, now.width];
-    write(folder, &format!("{stem}.depth.npy"), &labels::npy_f32(&shape, &now.depth_m)?)?;
+    write(folder, &format!("{stem}.depth.npy"), &labels::npy_depth(now)?)?;
     write(folder, &format!("{stem}.instance.npy"), &labels::npy_u32(&shape, &now.instance)?)?;
     write(folder, &format!("{stem}.semantic.npy"), &labels::npy_u8(&shape, &now.semantic)?)
 }
@@ -100,19 +101,30 @@ fn frame(readout: usize, t_s: f64, camera: &Camera, boxes: &[VehicleBox], all: &
     let at = all.partition_point(|&r| r < readout);
     let (i, p) = (&camera.intrinsics, &camera.pose);
     let rotation = p.rotation.transpose().to_cols_array();
-    json!({
+    let about = json!({
         "readout": readout, "t_s": t_s,
-        "flow_forward_to": all.get(at + 1), "flow_backward_to": at.checked_sub(1).map(|k| all[k]),
         "camera": {
             "focal_px": i.focal_px, "centre_px": i.centre_px, "width": i.width, "height": i.height,
             "position_m": p.position.to_array(), "world_to_camera_rows": rotation, "speed_mps": camera.speed_mps,
         },
-        "boxes": boxes.iter().map(|b| json!({
-            "track_id": b.track_id, "class": b.class.kitti(), "visible": b.visible, "amodal": b.amodal,
-            "amodal_in_image": b.amodal_in_image, "visible_pixels": b.visible_pixels,
-            "alone_pixels": b.alone_pixels, "occlusion": b.occlusion, "truncation": b.truncation,
-            "centre_camera_m": b.centre_m, "centre_world_m": b.centre_world_m, "size_m": b.size_m,
-            "yaw": b.yaw, "rotation_y": b.rotation_y, "speed_mps": b.speed_mps,
-        })).collect::<Vec<_>>(),
-    })
+        "boxes": boxes.iter().map(vehicle).collect::<Vec<_>>(),
+    });
+    // The last labelled readout has no next one, the first no previous one.
+    let flow = [
+        ("flow_forward_to", all.get(at + 1).map(|r| json!(r))),
+        ("flow_backward_to", at.checked_sub(1).map(|k| json!(all[k]))),
+    ];
+    with_known(about, flow)
+}
+
+/// A box; one of a vehicle that no pixel sees has no `visible`.
+fn vehicle(b: &VehicleBox) -> Value {
+    let about = json!({
+        "track_id": b.track_id, "class": b.class.kitti(), "amodal": b.amodal,
+        "amodal_in_image": b.amodal_in_image, "visible_pixels": b.visible_pixels,
+        "alone_pixels": b.alone_pixels, "occlusion": b.occlusion, "truncation": b.truncation,
+        "centre_camera_m": b.centre_m, "centre_world_m": b.centre_world_m, "size_m": b.size_m,
+        "yaw": b.yaw, "rotation_y": b.rotation_y, "speed_mps": b.speed_mps,
+    });
+    with_known(about, [("visible", b.visible.map(|v| json!(v)))])
 }

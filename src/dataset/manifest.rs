@@ -44,10 +44,13 @@ pub struct Entry {
     /// Camera, shot and sequence seed.
     pub seeds: [u64; 3],
     /// Readouts of each stream, when known before the end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub readouts: Option<u64>,
     /// Expected bytes while planned, found bytes when done.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bytes: Option<u64>,
     /// Digest of the sequence's record.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub digest: Option<String>,
     /// How far it is.
     pub status: Status,
@@ -114,6 +117,11 @@ impl Manifest {
     }
 }
 
+/// An option that was not given has no key.
+fn said(value: &Value) -> String {
+    if value.is_null() { "nothing".to_owned() } else { value.to_string() }
+}
+
 fn difference(was: &Value, is: &Value, key: &str) -> Option<(String, String, String)> {
     match (was, is) {
         (Value::Object(a), Value::Object(b)) => {
@@ -123,6 +131,6 @@ fn difference(was: &Value, is: &Value, key: &str) -> Option<(String, String, Str
             })
         }
         _ if was == is => None,
-        _ => Some((key.trim_start_matches('/').to_owned(), was.to_string(), is.to_string())),
+        _ => Some((key.trim_start_matches('/').to_owned(), said(was), said(is))),
     }
 }

@@ -11,6 +11,7 @@ use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
 use crate::light::{Fit, Insertion, Rate, Transfer};
 use crate::presets;
+use crate::report::with_known;
 use crate::scene::{Lighting, Samples};
 
 /// Which loaders find their folders.
@@ -253,25 +254,37 @@ impl Options {
     /// When the camera cannot be written down.
     pub fn facts(&self) -> Result<Value> {
         let work = match &self.work {
-            Work::Drives(d) => json!({
-                "kind": "drives", "sequences": d.sequences, "images": d.images,
-                "readouts_per_image": d.readouts_per_image, "label_every": d.label_every,
-                "lighting": d.lighting.map(Lighting::name), "flicker_hz": d.flicker_hz,
-                "vehicles": d.vehicles, "speed_kmh": d.speed_kmh, "white_cd_m2": d.white_cd_m2,
-                "samples": if d.samples == Samples::Four { 4 } else { 16 }, "npy": d.npy,
-                "kitti": d.kitti, "exr": d.exr,
-            }),
-            Work::Inputs(i) => json!({
-                "kind": "inputs", "folder": i.folder.display().to_string(),
-                "readouts_per_frame": i.readouts_per_frame, "insertion": i.insertion.to_string(),
-                "fit": i.fit.to_string(), "transfer": i.transfer.map(|t| t.to_string()),
-            }),
+            Work::Drives(d) => with_known(
+                json!({
+                    "kind": "drives", "sequences": d.sequences, "images": d.images,
+                    "readouts_per_image": d.readouts_per_image, "label_every": d.label_every,
+                    "samples": if d.samples == Samples::Four { 4 } else { 16 }, "npy": d.npy,
+                    "kitti": d.kitti, "exr": d.exr,
+                }),
+                [
+                    ("lighting", d.lighting.map(|l| l.name().into())),
+                    ("flicker_hz", d.flicker_hz.map(Into::into)),
+                    ("vehicles", d.vehicles.map(Into::into)),
+                    ("speed_kmh", d.speed_kmh.map(Into::into)),
+                    ("white_cd_m2", d.white_cd_m2.map(Into::into)),
+                ],
+            ),
+            Work::Inputs(i) => with_known(
+                json!({
+                    "kind": "inputs", "folder": i.folder.display().to_string(),
+                    "readouts_per_frame": i.readouts_per_frame, "insertion": i.insertion.to_string(),
+                    "fit": i.fit.to_string(),
+                }),
+                [("transfer", i.transfer.map(|t| t.to_string().into()))],
+            ),
         };
+        let images = json!({ "as": self.images.form.name() });
         Ok(json!({
             "work": work, "camera": presets::to_toml(&self.camera)?.text, "seed": self.seed,
-            "scene_seed": self.scene_seed,             "camera_seed": self.camera_seed, "structure": self.structure.name(), "test_share": self.test_share,
+            "scene_seed": self.scene_seed, "camera_seed": self.camera_seed,
+            "structure": self.structure.name(), "test_share": self.test_share,
             "ground_truth": truth::facts(self.structure),
-            "images": { "every": self.images.every, "as": self.images.form.name() },
+            "images": with_known(images, [("every", self.images.every.map(Into::into))]),
             "version": env!("CARGO_PKG_VERSION"),
         }))
     }

@@ -9,6 +9,9 @@ use crate::units::Unit;
 
 use super::circuit::Circuit;
 
+/// The word for a number without a limit, which no camera file and no table writes as one.
+const UNLIMITED: &str = "unlimited";
+
 /// How a parameter's value is written.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Form {
@@ -68,12 +71,11 @@ impl Param {
 
     fn check(&self, value: f64) -> Result<f64> {
         match self.form {
-            Form::Number { unit, low, high } if !(low..=high).contains(&value) => Err(Error::new(
-                Kind::Config,
-                self.key,
-            )
-            .found(unit.format(value))
-            .expected(format_args!("{} to {}", unit.format(low), unit.format(high)))),
+            Form::Number { unit, low, high } if !(low..=high).contains(&value) => {
+                Err(Error::new(Kind::Config, self.key)
+                    .found(self.format(value))
+                    .expected(range(unit, low, high)))
+            }
             Form::Choice(words) if value.fract() != 0.0 || value < 0.0 || value >= words.len() as f64 => {
                 Err(Error::new(Kind::Config, self.key)
                     .found(value)
@@ -89,6 +91,7 @@ impl Param {
     /// When the unit, the range or the word is wrong.
     pub fn parse(&self, text: &str) -> Result<f64> {
         match self.form {
+            Form::Number { .. } if text.trim() == UNLIMITED => self.check(f64::INFINITY),
             Form::Number { unit, .. } => {
                 let value = unit.parse(text).map_err(|e| e.within(self.key))?;
                 self.check(value)
@@ -108,10 +111,28 @@ impl Param {
     #[must_use]
     pub fn format(&self, value: f64) -> String {
         match self.form {
-            Form::Number { unit, .. } => unit.format(value),
+            Form::Number { unit, .. } => quantity(unit, value),
             Form::Choice(words) => words[value as usize].to_owned(),
         }
     }
+
+    /// What the parameter may be, in words: a range with its unit, or the words to choose from.
+    #[must_use]
+    pub fn range(&self) -> String {
+        match self.form {
+            Form::Number { unit, low, high } => range(unit, low, high),
+            Form::Choice(words) => words.join(" or "),
+        }
+    }
+}
+
+/// The text of a quantity, or the word for one without a limit.
+fn quantity(unit: Unit, value: f64) -> String {
+    if value == f64::INFINITY { UNLIMITED.to_owned() } else { unit.format(value) }
+}
+
+fn range(unit: Unit, low: f64, high: f64) -> String {
+    format!("{} to {}", quantity(unit, low), quantity(unit, high))
 }
 
 /// The values of an effect's parameters, in the order of its definition.

@@ -41,7 +41,7 @@ enum Value {
 impl Value {
     fn of(param: &Param, value: f64) -> Self {
         match param.form {
-            Form::Number { unit: Unit::One, .. } => Self::Number(value),
+            Form::Number { unit: Unit::One, .. } if value.is_finite() => Self::Number(value),
             _ => Self::Text(param.format(value)),
         }
     }

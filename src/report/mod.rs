@@ -1,9 +1,11 @@
 //! Reports: one HTML file that needs nothing else, with plots and maps inside.
 
+mod json;
 mod map;
 mod plot;
 mod ranked;
 
+pub use json::with_known;
 pub use map::heat_map;
 pub use plot::{Band, Curve, bars, curves, curves_over};
 pub use ranked::{Row, ranked};

@@ -71,8 +71,10 @@ pub struct LightFacts {
     /// What the light does between frames.
     pub insertion: String,
     /// Readouts per frame, as a fraction; `None` when one frame is held.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub readouts_per_frame: Option<String>,
     /// Frames per second that the source states or the user gave.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source_rate: Option<String>,
     /// Frames read.
     pub frames: u64,
@@ -142,8 +144,8 @@ impl CameraFacts {
             let params = effect.definition().params.iter().zip(effect.values());
             let values = params.map(|(p, &v)| {
                 let value = match p.form {
-                    Form::Number { .. } => Value::from(v),
-                    Form::Choice(_) => Value::from(p.format(v)),
+                    Form::Number { .. } if v.is_finite() => Value::from(v),
+                    _ => Value::from(p.format(v)),
                 };
                 (p.key.to_owned(), value)
             });

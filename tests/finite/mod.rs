@@ -1,5 +1,7 @@
 //! Looks for numbers that are not finite in whatever a program leaves.
 
+pub mod inputs;
+
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -59,6 +61,13 @@ pub fn npy(bytes: &[u8]) -> Vec<String> {
     if bad == 0 { Vec::new() } else { vec![format!("{bad} values of {header} are not finite")] }
 }
 
+/// What is wrong in a Middlebury flow file: a mark and two sizes of four bytes, then floats.
+pub fn flo(bytes: &[u8]) -> Vec<String> {
+    let all = bytes[12..].chunks_exact(4).map(|c| f32::from_le_bytes(c.try_into().unwrap()));
+    let bad = all.filter(|v| !v.is_finite()).count();
+    if bad == 0 { Vec::new() } else { vec![format!("{bad} displacements are not finite")] }
+}
+
 fn exr(path: &Path) -> Vec<String> {
     let image = image::open(path).unwrap_or_else(|e| panic!("{}: {e}", path.display())).to_rgb32f();
     let bad = image.as_raw().iter().filter(|v| !v.is_finite()).count();
@@ -76,6 +85,7 @@ pub fn folder(root: &Path) -> Vec<String> {
             "html" | "toml" | "txt" | "md" | "yaml" | "csv" | "svg" => text(&string()),
             "npy" => npy(&read()),
             "exr" => exr(&path),
+            "flo" => flo(&read()),
             _ => Vec::new(),
         };
         let name = path.strip_prefix(root).unwrap_or(&path).display().to_string();

@@ -14,7 +14,7 @@ pub use coco::Coco;
 pub use exr::exr;
 pub use flo::flo;
 pub use kitti::{kitti_depth, kitti_flow, kitti_line, kitti_text};
-pub use npy::{npy_bool, npy_f32, npy_flow, npy_u8, npy_u32};
+pub use npy::{npy_bool, npy_depth, npy_f32, npy_flow, npy_u8, npy_u32};
 pub use picture::{
     boxes_picture, depth_picture, flow_picture, instance_picture, light_picture, semantic_picture,
 };

@@ -1,6 +1,7 @@
 //! NumPy arrays, version 1.0, little-endian, C order.
 
 use super::super::flow::Flow;
+use super::super::render::Labels;
 use crate::error::Result;
 use crate::npy::{self, Element};
 
@@ -13,7 +14,18 @@ fn array<const N: usize>(
     npy::to_bytes(element, &shape, values)
 }
 
-/// An array of `f32` (depth: shape height, width).
+/// Depth in metres as `f32` of shape (height, width), 0 where there is none: in the sky, which [`Labels`] have at infinity. So do KITTI's
+/// depth maps, and a loader's mask `depth > 0` takes both.
+///
+/// # Errors
+/// When the depths do not match the size.
+pub fn npy_depth(labels: &Labels) -> Result<Vec<u8>> {
+    let near = |d: &f32| if d.is_finite() { *d } else { 0.0 };
+    let depth: Vec<f32> = labels.depth_m.iter().map(near).collect();
+    npy_f32(&[labels.height, labels.width], &depth)
+}
+
+/// An array of `f32`.
 ///
 /// # Errors
 /// When the shape does not hold the data.
