@@ -96,6 +96,23 @@ fn noise_lies_within_its_errors_for_many_cameras() {
     check_noise(64, 40, 10_000, 6);
 }
 
+/// Their dark rates, read as those of low thresholds, told the rule of the noise wrongly: thresholds of a tenth have ten times the noise.
+#[test]
+fn hot_pixels_have_thresholds_like_the_others() {
+    let noise = PUBLISHED;
+    let mut truth = pixels(&noise, 32 * 20, 77);
+    truth[..15].iter_mut().for_each(|p| p.dark = 0.05);
+    let lights = [0.0, 0.04, 0.08, 0.3, 0.6];
+    let found = calibrate(&observed_at(&lights, &noise, &truth, 32, 4000, 900), &Options::default()).unwrap();
+    assert_eq!(found.hot, (0..15).collect::<Vec<_>>());
+    for p in 0..15 {
+        let [threshold, sd] = found.threshold[p];
+        assert!((threshold - truth[p].phi).abs() < 4.0 * sd && sd < 0.06, "{p}: {threshold} +- {sd}");
+    }
+    let share = found.bias_share;
+    assert!((share.value - 1.0).abs() < 4.0 * share.error, "{share:?}");
+}
+
 #[test]
 #[ignore = "takes minutes"]
 fn noise_of_whole_sensors_lies_within_its_errors() {

@@ -297,3 +297,75 @@ fn the_static_recording_ranks_spikingsim_last() {
     let spikingsim = found.models.iter().find(|m| m.name == "spikingsim").unwrap();
     assert!(found.models.iter().take(2).all(|m| m.distance < 0.3 * spikingsim.distance));
 }
+
+#[test]
+fn neighbours_that_changed_places_within_their_uncertainty_are_no_contradiction() {
+    let (folder, path) = record(&flats(&[0.0, 0.1, 0.3, 0.6, 0.61], 2000));
+    let text = std::fs::read_to_string(&path).unwrap().replace("light = 0.6\n", "light = 0.615\n");
+    let swapped = folder.path().join("swapped.toml");
+    std::fs::write(&swapped, text).unwrap();
+    let observed = observe(&RecordingSet::open(&swapped).unwrap(), &mut |_, _| {}).unwrap();
+    let found = calibrate(&observed, &Options::default()).unwrap();
+    assert!(found.levels.iter().all(|l| !l.wrong), "{:?}", found.levels);
+    assert!(found.levels[3].found() > found.levels[4].found());
+}
+
+/// Light that is stated 6 % too bright at full light, 3 % at half: as a response would have it that falls off alike in all pixels.
+#[test]
+fn a_bend_that_all_pixels_share_is_said_and_held_by_the_error_of_the_gain() {
+    let (folder, path) = record(&flats(&[0.0, 0.1, 0.3, 0.6, 0.9], 4000));
+    let mut text = std::fs::read_to_string(&path).unwrap();
+    for (light, stated) in [("0.1", "0.1006"), ("0.3", "0.3054"), ("0.6", "0.6216"), ("0.9", "0.9486")] {
+        text = text.replace(&format!("light = {light}\n"), &format!("light = {stated}\n"));
+    }
+    let bent = folder.path().join("bent.toml");
+    std::fs::write(&bent, text).unwrap();
+    let [straight, found] = [path, bent].map(|p| {
+        let observed = observe(&RecordingSet::open(&p).unwrap(), &mut |_, _| {}).unwrap();
+        calibrate(&observed, &Options::default()).unwrap()
+    });
+    assert!(found.bends && !straight.bends, "{:?} {:?}", found.bend, straight.bend);
+    assert!(found.notes.iter().any(|n| n.contains("bend")), "{:?}", found.notes);
+    let [a, b] = [&found, &straight].map(|c| c.population.mean_a);
+    assert!((a.value - b.value).abs() < 1.96 * a.error && a.error > b.error, "{a:?} {b:?}");
+}
+
+/// Pixels of 0.1 spikes a readout at phases that share nothing, whose rate rises by `rise` from the first half to the second.
+fn counted(rise: f64) -> spikelane::calibrate::Level {
+    let phase = |p: u32| f64::from(p) * 0.618_033_988_749_895 % 1.0;
+    let half = |p: u32, rate: f64| (1000.0 * rate + phase(p) + 0.37 * f64::from(p) % 1.0).floor() as u32;
+    let early: Vec<u32> = (0..400).map(|p| half(p, 0.1)).collect();
+    let spikes = (0..400).map(|p| early[p as usize] + half(p + 1000, 0.1 * (1.0 + rise))).collect();
+    spikelane::calibrate::Level::from_counts("flat.dat", 0.1, 2000, spikes, &[1; 400], &[1999; 400])
+        .with_first_half(&early)
+}
+
+#[test]
+fn a_change_of_half_a_per_cent_is_told_and_none_is_not() {
+    let (steady, drifting) = (counted(0.0), counted(0.005));
+    assert!(!steady.drifts() && drifting.drifts(), "{:?} {:?}", steady.change, drifting.change);
+    let found = drifting.change.unwrap();
+    assert!((found.value - 0.005).abs() < 3.0 * found.error, "{found:?}");
+}
+
+#[test]
+fn a_few_pixels_that_blink_are_no_lamp() {
+    let mut level = counted(0.0);
+    // Odd numbers are split one way and the other.
+    let early: Vec<u32> = level.spikes.iter().zip(0..).map(|(n, p)| (n + p % 2) / 2).collect();
+    level.spikes[..8].iter_mut().for_each(|n| *n += 60);
+    assert!(!level.with_first_half(&early).drifts());
+}
+
+#[test]
+fn pixels_without_a_spike_tell_no_change() {
+    let level = spikelane::calibrate::Level::from_counts(
+        "dark.dat",
+        0.0,
+        100,
+        vec![0; 20],
+        &[u32::MAX; 20],
+        &[u32::MAX; 20],
+    );
+    assert_eq!(level.with_first_half(&[0; 20]).change, None);
+}

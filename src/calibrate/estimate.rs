@@ -16,6 +16,7 @@ use super::lamps::Alignment;
 use super::observe::{Level, Observed};
 use super::population::Population;
 use super::result::{Calibration, Options, Redrawn};
+use super::said::BENT;
 use super::selection::{nu, psi};
 use crate::error::{Error, Kind, Result};
 use crate::measure::{Estimate, finite, median_and_spread};
@@ -309,16 +310,20 @@ impl<'a> Fitter<'a> {
         let own = |sd: f64, mean: f64| (sd * sd - square * mean * mean).max(1e-12 * mean * mean);
         let gain = own(population.sd_a.value, population.mean_a.value);
         let dark = own(population.sd_d.value, population.mean_d.value);
-        let of_pixel = |fit: &PixelFit| {
+        let of_pixel = |(fit, usual): (&PixelFit, &bool)| {
             if !fit.a.is_finite() {
                 return [1.0, sigma.value];
             }
-            let precision = 1.0 / square + fit.a * fit.a / gain + fit.d * fit.d / dark;
-            let mean = (1.0 / square + fit.a * mean_g / gain + fit.d * mean_d / dark) / precision;
+            // A defect's dark rate is no draw of the population: read as one, ten times the rate would be a tenth of the threshold,
+            // with ten times the noise.
+            let told = if *usual { 1.0 / dark } else { 0.0 };
+            let precision = 1.0 / square + fit.a * fit.a / gain + fit.d * fit.d * told;
+            let mean = (1.0 / square + fit.a * mean_g / gain + fit.d * mean_d * told) / precision;
             let [mode, sd] = [mean + 2.0 / (precision * mean), precision.sqrt().recip()];
             if mode.is_finite() && mode > 0.0 && sd.is_finite() { [mode, sd] } else { [1.0, sigma.value] }
         };
-        self.threshold = self.fits.par_iter().map(of_pixel).collect();
+        let usual = self.usual();
+        self.threshold = self.fits.par_iter().zip(&usual).map(of_pixel).collect();
     }
 
     /// Pixels whose dark rate lies six robust deviations above the median.
@@ -350,7 +355,14 @@ impl<'a> Fitter<'a> {
         let mut population = self.population();
         check_precision(&self, &population, options)?;
         self.say_of_levels();
-        let (scale, shift) = self.alignment.as_ref().map_or((0.0, 0.0), |a| (a.scale_error, a.shift_error));
+        let bend = self.bend();
+        let bends = bend.is_some_and(|b| b.value.abs() > BENT * b.error);
+        let (mut scale, shift) =
+            self.alignment.as_ref().map_or((0.0, 0.0), |a| (a.scale_error, a.shift_error));
+        if let Some(b) = bend.filter(|_| bends) {
+            self.say_of_bend(b);
+            scale = scale.hypot(b.value);
+        }
         population.widen(scale, shift);
         self.electrons.error = self.electrons.error.hypot(self.electrons.value * scale);
         if self.electrons.error.is_nan() {
@@ -373,6 +385,8 @@ impl<'a> Fitter<'a> {
             redrawn: self.noise.redrawn,
             redrawn_told: self.redrawn_told,
             light_scale_error: scale,
+            bend,
+            bends,
             bias_share: self.bias_share,
             levels,
             dead,

@@ -8,7 +8,7 @@ use super::check;
 use super::recordings::{Light, RateMap, RecordingSet};
 use crate::error::{Error, Kind, Result};
 use crate::formats::Reader;
-use crate::measure::{NEVER, Options, Statistics, finite, median, median_and_spread, of_stream};
+use crate::measure::{Estimate, NEVER, Options, Statistics, finite, median, median_and_spread, of_stream};
 use crate::npy;
 use crate::spikes::{Geometry, span_rate};
 
@@ -48,6 +48,8 @@ pub struct Level {
     pub rate: Vec<f64>,
     /// Share of the pixels whose two halves differ more than a static scene allows.
     pub drifting: f64,
+    /// Change of the mean rate of all pixels from the first half to the second, of the whole mean; `None` where that is not known.
+    pub change: Option<Estimate>,
     /// Phase noise per spike, of dim levels.
     pub noise: Option<IntervalNoise>,
 }
@@ -74,6 +76,7 @@ impl Level {
             spikes: count,
             rate,
             drifting: 0.0,
+            change: None,
             noise: None,
         }
     }
@@ -171,7 +174,7 @@ fn level(name: &str, light: f64, statistics: &Statistics) -> Level {
         &counts.last,
     );
     if let Some(early) = &statistics.early_count {
-        level.drifting = check::drifting(&level, early);
+        level = level.with_first_half(early);
     }
     level.noise = statistics.intervals.as_ref().map(|intervals| {
         let shortest = shortest_lag(&level);
@@ -227,6 +230,7 @@ fn rate_map(folder: &Path, map: &RateMap, geometry: Geometry) -> Result<Level> {
         spikes,
         rate,
         drifting: 0.0,
+        change: None,
         noise: None,
     })
 }

@@ -11,6 +11,7 @@ use super::snee::{Snee, SneeMaps};
 use crate::error::{Error, Kind, Result};
 use crate::measure::{Estimate, median};
 use crate::npy;
+use crate::report::with_known;
 
 /// The files of a calibration.
 #[derive(Clone, Debug)]
@@ -76,10 +77,11 @@ fn number(e: Estimate) -> Value {
 }
 
 fn lamp(l: &Lamp) -> Value {
-    json!({
+    let about = json!({
         "file": l.file, "stated": l.stated, "stated_uncertainty": l.uncertainty, "found": l.found(),
-        "deviation": number(l.deviation), "wrong": l.wrong, "saturated": l.saturated,
-    })
+        "deviation": number(l.deviation), "wrong": l.wrong, "saturated": l.saturated, "drifts": l.drifts,
+    });
+    with_known(about, [("change", l.change.map(number))])
 }
 
 impl Calibration {
@@ -87,7 +89,7 @@ impl Calibration {
     #[must_use]
     pub fn to_json(&self) -> Value {
         let p = &self.population;
-        let mut whole = json!({
+        let whole = json!({
             "width": self.sensor.geometry.width(),
             "height": self.sensor.geometry.height(),
             "readout_hz": self.sensor.readout_hz,
@@ -104,18 +106,18 @@ impl Calibration {
             "bias_share": number(self.bias_share),
             "lost_increment": self.lost_increment,
             "light_scale_error": self.light_scale_error,
+            "bends": self.bends,
             "levels": self.levels.iter().map(lamp).collect::<Vec<_>>(),
             "unknown_pixels": self.unknown(),
             "dead": self.dead, "hot": self.hot, "misfits": self.misfits,
             "notes": self.notes,
         });
-        if let Some(chi2) = self.chi2_per_freedom() {
-            whole["chi2_per_freedom"] = json!(chi2);
-        }
-        if let Some(paper) = &self.paper {
-            whole["snee"] = self.paper_json(paper);
-        }
-        whole
+        let further = [
+            ("bend", self.bend.map(number)),
+            ("chi2_per_freedom", self.chi2_per_freedom().map(Into::into)),
+            ("snee", self.paper.as_ref().map(|paper| self.paper_json(paper))),
+        ];
+        with_known(whole, further)
     }
 
     /// Pixels that tell nothing: of these the files hold the population's means.

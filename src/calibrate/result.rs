@@ -35,6 +35,10 @@ pub struct Lamp {
     pub deviation: Estimate,
     /// Whether it lies off the line of the others by more than its uncertainty explains; it was left out where the levels set the scale.
     pub wrong: bool,
+    /// Change of the light from the first half of its recording to the second, of the mean; `None` where that is not known.
+    pub change: Option<Estimate>,
+    /// Whether that is more than its error and a thousandth: then its intervals tell no noise.
+    pub drifts: bool,
     /// Whether most pixels fire at nearly every readout: nothing is known of it then.
     pub saturated: bool,
 }
@@ -105,6 +109,11 @@ pub struct Calibration {
     /// Relative standard error of the scale of all levels, which no recording tells: the errors of the gain's and the electrons' population hold it,
     /// those of single pixels do not.
     pub light_scale_error: f64,
+    /// By how much the levels found bend against the stated ones: the relative deviation at light 1.0 less that in the dark; `None` with
+    /// fewer than three lit levels.
+    pub bend: Option<Estimate>,
+    /// Whether that is more than the levels' uncertainty explains.
+    pub bends: bool,
     /// Pixels that never fired in lit recordings.
     pub dead: Vec<usize>,
     /// Pixels whose dark current lies six robust deviations above the median.

@@ -1,6 +1,7 @@
 //! What is said of the levels, and what makes a set say nothing.
 
 use super::estimate::Fitter;
+use super::fit::fit_line;
 use super::observe::Level;
 use super::result::Lamp;
 use crate::error::{Error, Kind, Result};
@@ -8,6 +9,10 @@ use crate::measure::Estimate;
 
 /// Fewest pixels with a line of their own of which spreads are told.
 const LEAST_PIXELS: usize = 8;
+
+/// Levels found bend against the stated ones where their trend is more than so many of its errors: one set in twenty of lamps as good as
+/// stated. What is not told moves the gain of levels spread over the range by 1.8 times as many of its own errors.
+pub(super) const BENT: f64 = 2.0;
 
 /// A typical chi-square beyond this is told. With a hundred pixels its median is known to some ten per cent.
 const WIDE: f64 = 2.0;
@@ -41,6 +46,8 @@ impl Fitter<'_> {
                 uncertainty: if level.light == 0.0 { 0.0 } else { self.uncertainty(k) },
                 deviation,
                 wrong: self.wrong[k],
+                change: level.change,
+                drifts: level.drifts(),
                 saturated: self.saturated[k],
             }
         };
@@ -63,11 +70,49 @@ impl Fitter<'_> {
                 "Whether a single level is wrong cannot be told with {usable} levels: with a recording in the dark it takes three lit ones, without it four. Errors hold the stated uncertainty of the light."
             ));
         }
+        for (level, change) in
+            self.observed.levels.iter().filter_map(|l| Some((l, l.change?))).filter(|(l, _)| l.drifts())
+        {
+            self.notes.push(format!(
+                "{} of {} drifts: by {:+.2} % +- {:.2} % from the first half to the second. What was found is its mean, and its intervals were left out where noise and electrons are told.",
+                if level.light == 0.0 { "The dark current" } else { "The light" },
+                level.name,
+                100.0 * change.value,
+                100.0 * change.error
+            ));
+        }
         if self.misfit_scale > WIDE {
             self.notes.push(format!(
-                "Pixels do not follow the light in straight lines: the typical chi-square is {:.1} times what it should be, and errors are widened by its root. A lamp that drifts within a recording or a response that bends would do that.",
+                "Pixels do not follow the light in straight lines: the typical chi-square is {:.1} times what it should be, and errors are widened by its root. Responses that bend each in their own way would do that.",
                 self.misfit_scale
             ));
         }
+    }
+
+    /// Trend of the relative deviations of the believed lit levels along the light, in what is stated of each. A bend that all pixels share
+    /// is no single pixel's misfit: the levels found take it up.
+    pub(super) fn bend(&self) -> Option<Estimate> {
+        let used = |k: &usize| {
+            let light = self.observed.levels[*k].light;
+            light > 0.0 && !self.saturated[*k] && !self.wrong[*k]
+        };
+        let point = |k: usize| {
+            let light = self.observed.levels[k].light;
+            (light, self.offsets[k].value / light, self.uncertainty(k).powi(2))
+        };
+        let points: Vec<_> = (0..self.offsets.len()).filter(used).map(point).collect();
+        if points.len() < 3 {
+            return None;
+        }
+        let line = fit_line(&points)?;
+        Some(Estimate { value: line.a, error: line.var_a.sqrt(), samples: points.len() })
+    }
+
+    pub(super) fn say_of_bend(&mut self, bend: Estimate) {
+        self.notes.push(format!(
+            "The levels found bend against the stated ones, by {:+.1} % +- {:.1} % from dark to full light: a response that bends alike in all pixels, or light stated so. Recordings do not tell which. The camera is linear, and errors hold that much.",
+            100.0 * bend.value,
+            100.0 * bend.error
+        ));
     }
 }
