@@ -1,8 +1,12 @@
 //! What a calibration said of a laboratory, beside the truth.
 
-use spikelane::calibrate::{Options, calibrate};
-use spikelane::measure::Estimate;
+use std::path::Path;
+use std::process::Command;
 
+use serde_json::Value;
+use spikelane::calibrate::{Options, calibrate};
+
+use super::best;
 use super::lab::Lab;
 
 /// What is compared.
@@ -27,12 +31,23 @@ pub struct Compared {
     pub z: f64,
     /// The error over the value.
     pub relative: f64,
+    /// The error over the least that any estimate can have.
+    pub over_best: f64,
+}
+
+/// What was said of a laboratory.
+pub struct Said {
+    /// Every value that has an error.
+    pub compared: Vec<Compared>,
+    /// Whether lamps that are off or drift, or a response that bends, were named.
+    pub named: bool,
+    /// Quantities that are said to be assumed.
+    pub assumed: Vec<usize>,
 }
 
 pub enum Verdict {
     Refused(String),
-    /// Every value that has an error.
-    Said(Vec<Compared>),
+    Said(Said),
 }
 
 impl Verdict {
@@ -40,42 +55,84 @@ impl Verdict {
     pub fn wrong(&self) -> Vec<Compared> {
         match self {
             Self::Refused(_) => Vec::new(),
-            Self::Said(all) => all.iter().copied().filter(|c| c.z.is_nan() || c.z.abs() > WRONG).collect(),
+            Self::Said(said) => {
+                said.compared.iter().copied().filter(|c| c.z.is_nan() || c.z.abs() > WRONG).collect()
+            }
         }
     }
 }
 
-/// Calibrates and compares.
+/// Calibrates in memory, and compares.
 pub fn judge(lab: &Lab) -> Verdict {
-    let found = match calibrate(&lab.observed, &Options::default()) {
-        Ok(found) => found,
-        Err(error) => return Verdict::Refused(error.to_string()),
-    };
+    match calibrate(&lab.observed(), &Options::default()) {
+        Ok(found) => compare(lab, &found.to_json()),
+        Err(error) => Verdict::Refused(error.to_string()),
+    }
+}
+
+/// The same through files and the command line: `program calibrate set.toml --json`, in `folder`.
+pub fn judge_program(lab: &Lab, program: &Path, folder: &Path) -> Verdict {
+    let set = lab.write(folder);
+    let mut command = Command::new(program);
+    command.arg("calibrate").arg(set).arg("-o").arg(folder.join("calibrated")).arg("--json");
+    let ran = command.output().unwrap_or_else(|e| panic!("{}: {e}", program.display()));
+    let output = String::from_utf8(ran.stdout).unwrap();
+    let last = output.lines().last().unwrap_or_default();
+    let event: Value = serde_json::from_str(last).unwrap_or_else(|e| panic!("{last}: {e}"));
+    match event["event"].as_str() {
+        Some("done") => compare(lab, &event),
+        _ => Verdict::Refused(event["message"].as_str().unwrap_or(last).to_owned()),
+    }
+}
+
+fn compare(lab: &Lab, found: &Value) -> Verdict {
     let n = &lab.noise;
     // Means of 1 / phi and of its square, for a normal phi.
     let s = n.threshold_sd * n.threshold_sd;
     let (one, two) = (1.0 + s + 3.0 * s * s, 1.0 + 3.0 * s + 15.0 * s * s);
     let spread = |mean: f64, sd: f64| ((mean * mean + sd * sd) * two - (mean * one).powi(2)).sqrt();
-    let p = &found.population;
-    let mut all = Vec::new();
-    let mut compare = |quantity: usize, e: Estimate, truth: f64| {
-        if e.error.is_finite() {
-            all.push(Compared { quantity, z: (e.value - truth) / e.error, relative: e.error / truth });
-        } else if !e.value.is_finite() {
-            all.push(Compared { quantity, z: f64::NAN, relative: f64::NAN });
-        }
-    };
-    compare(0, p.mean_a, one);
-    compare(1, p.sd_a, spread(1.0, n.gain_sd));
-    compare(2, p.mean_d, n.dark * one);
-    compare(3, p.sd_d, spread(n.dark, n.dark_sd));
-    compare(4, found.sigma_t, n.sigma_t);
-    compare(5, found.electrons, n.photons);
-    for (lamp, [light, stated]) in found.levels.iter().zip(&lab.levels).filter(|(l, _)| l.stated > 0.0) {
-        if !lamp.saturated {
-            compare(6, Estimate { value: lamp.found(), ..lamp.deviation }, *light);
-            debug_assert_eq!(lamp.stated, *stated);
+    let p = &found["population"];
+    let values = [
+        (&p["mean_a"], one),
+        (&p["sd_a"], spread(1.0, n.gain_sd)),
+        (&p["mean_d"], n.dark * one),
+        (&p["sd_d"], spread(n.dark, n.dark_sd)),
+        (&found["sigma_t"], n.sigma_t),
+        (&found["electrons_per_spike"], n.photons),
+    ];
+    let best = best::errors(lab);
+    let mut said = Said { compared: Vec::new(), named: false, assumed: Vec::new() };
+    for (quantity, (estimate, truth)) in values.into_iter().enumerate() {
+        let (value, error) = (estimate["value"].as_f64(), estimate["error"].as_f64());
+        said.push(quantity, value, error, truth, best[quantity]);
+    }
+    let levels = found["levels"].as_array().unwrap();
+    for (lamp, shot) in levels.iter().zip(&lab.shots).filter(|(_, s)| s.stated > 0.0) {
+        said.named |= lamp["wrong"] == true || lamp["drifts"] == true;
+        if lamp["saturated"] != true {
+            let error = lamp["deviation"]["error"].as_f64();
+            said.push(6, lamp["found"].as_f64(), error, shot.light, best::level(lab) * shot.light);
         }
     }
-    Verdict::Said(all)
+    said.named |= found["bends"] == true;
+    Verdict::Said(said)
+}
+
+impl Said {
+    fn push(&mut self, quantity: usize, value: Option<f64>, error: Option<f64>, truth: f64, best: f64) {
+        let compared = match (value, error) {
+            (Some(value), Some(error)) => Compared {
+                quantity,
+                z: (value - truth) / error,
+                relative: error / truth,
+                over_best: error / best,
+            },
+            (None, _) => Compared { quantity, z: f64::NAN, relative: f64::NAN, over_best: f64::NAN },
+            (Some(_), None) => {
+                self.assumed.push(quantity);
+                return;
+            }
+        };
+        self.compared.push(compared);
+    }
 }

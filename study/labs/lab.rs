@@ -1,12 +1,15 @@
 //! A random laboratory: a camera of known truth, lamps that are not what they are said to be, and one fault.
 
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
 use spikelane::calibrate::{Level, Observed};
 use spikelane::spikes::Geometry;
 
-use super::calibrate_support::{Noise, Pixel, Random, level, pixels};
+use super::calibrate_support::{Lit, Noise, Pixel, Random, level_of, pixels, traces};
 
 /// What is wrong in a laboratory, in the order in which they are drawn.
-pub const FAULTS: [&str; 12] = [
+pub const FAULTS: [&str; 15] = [
     "nothing; lamps exact",
     "lamps within 0.1 %",
     "lamps within 1 %, as stated",
@@ -18,19 +21,32 @@ pub const FAULTS: [&str; 12] = [
     "pixels that blink from level to level",
     "a saturated level",
     "unequal lengths",
-    "dark and two levels only",
+    "dark and one or two levels only",
+    "dark and 29 levels",
+    "lamps that drift by 1 % within a recording",
+    "a response that bends alike in all pixels",
 ];
 
 /// Pixels of the sensors.
 const WIDTH: u32 = 24;
 const HEIGHT: u32 = 16;
 
+/// One recording: the light that falls and the light that is stated, how long, and which pixels see it.
+pub struct Shot {
+    pub light: f64,
+    pub stated: f64,
+    pub readouts: u32,
+    pixels: Vec<Pixel>,
+    lit: Lit,
+    seed: u64,
+}
+
 pub struct Lab {
     pub fault: &'static str,
     pub noise: Noise,
-    /// Levels as they are and as they are said to be, by rising light.
-    pub levels: Vec<[f64; 2]>,
-    pub observed: Observed,
+    pub truth: Vec<Pixel>,
+    /// By rising stated light.
+    pub shots: Vec<Shot>,
 }
 
 impl Lab {
@@ -43,31 +59,76 @@ impl Lab {
         spoil(fault, &mut truth, &mut random);
         let levels = lamps(fault, &mut random);
         let base = 2000 + (2000.0 * random.uniform()) as u32;
-        let mut all: Vec<Level> = Vec::new();
-        for (k, [light, stated]) in levels.iter().enumerate() {
+        let bend = if fault.starts_with("a response") { 0.01 + 0.03 * random.uniform() } else { 0.0 };
+        let mut shots = Vec::new();
+        for (k, [light, stated]) in levels.into_iter().enumerate() {
             let longer = if fault == "unequal lengths" { 1 + (4.0 * random.uniform()) as u32 } else { 1 };
             // A tenth of the spikes of a dim level would be none at all.
-            let readouts = (base * longer).max(if *light > 0.0 { (60.0 / light) as u32 } else { 0 });
+            let readouts = (base * longer).max(if light > 0.0 { (60.0 / light) as u32 } else { 0 });
             let mut shown = truth.clone();
             if fault.starts_with("pixels that blink") {
                 for pixel in &mut shown[..20] {
                     pixel.gain *= 0.7 + 0.6 * random.uniform();
                 }
             }
+            let drifts = fault.starts_with("lamps that drift") && light > 0.0;
+            let either_way = |random: &mut Random| if random.uniform() < 0.5 { 0.01 } else { -0.01 };
+            let rise = if drifts { either_way(&mut random) } else { 0.0 };
+            let lit = Lit { light: light * (1.0 - bend * light), rise };
             let seed = index * 100 + k as u64;
-            let mut one = level(&noise, &shown, *light, readouts, seed, *light < 0.12);
-            one.light = *stated;
-            one.name = format!("level_{k}.dat");
-            all.push(one);
+            shots.push(Shot { light, stated, readouts, pixels: shown, lit, seed });
         }
-        let observed = Observed {
+        Self { fault, noise, truth, shots }
+    }
+
+    /// Pixels that are as the population says.
+    pub fn usual(&self) -> impl Iterator<Item = &Pixel> + Clone {
+        let (noise, dead) = (self.noise, |p: &&Pixel| p.gain > 0.0);
+        self.truth.iter().filter(dead).filter(move |p| p.dark < noise.dark + 6.0 * noise.dark_sd)
+    }
+
+    /// What is counted of the recordings, without a file between.
+    pub fn observed(&self) -> Observed {
+        let one = |(k, shot): (usize, &Shot)| {
+            let times = traces(&self.noise, &shot.pixels, shot.lit, shot.readouts, shot.seed);
+            // Intervals are looked at where it is dim.
+            let mut level = level_of(&times, shot.lit.light, shot.readouts, shot.lit.light < 0.12);
+            (level.light, level.name) = (shot.stated, file(k));
+            level
+        };
+        let levels: Vec<Level> = self.shots.iter().enumerate().map(one).collect();
+        Observed {
             geometry: Geometry::new(WIDTH, HEIGHT).unwrap(),
             readout_hz: 20_000.0,
-            levels: all,
+            levels,
             others: Vec::new(),
-        };
-        Self { fault, noise, levels, observed }
+        }
     }
+
+    /// The recordings as files, bit by bit: readouts of whole bytes, the upper row first. The path of the set that names them.
+    pub fn write(&self, folder: &Path) -> PathBuf {
+        let pixels = (WIDTH * HEIGHT) as usize;
+        let mut set =
+            format!("width = {WIDTH}\nheight = {HEIGHT}\nreadout_hz = 20000.0\nlayout = \"dat-top\"\n");
+        for (k, shot) in self.shots.iter().enumerate() {
+            let mut bytes = vec![0_u8; pixels / 8 * shot.readouts as usize];
+            let times = traces(&self.noise, &shot.pixels, shot.lit, shot.readouts, shot.seed);
+            for (p, times) in times.iter().enumerate() {
+                for t in times {
+                    bytes[pixels / 8 * *t as usize + p / 8] |= 1 << (p % 8);
+                }
+            }
+            std::fs::write(folder.join(file(k)), bytes).unwrap();
+            write!(set, "[[recording]]\nfile = \"{}\"\nlight = {:?}\n", file(k), shot.stated).unwrap();
+        }
+        let path = folder.join("set.toml");
+        std::fs::write(&path, set).unwrap();
+        path
+    }
+}
+
+fn file(k: usize) -> String {
+    format!("level_{k}.dat")
 }
 
 /// Spreads and noise of a kind of camera.
@@ -98,12 +159,21 @@ fn spoil(fault: &str, truth: &mut [Pixel], random: &mut Random) {
     }
 }
 
+/// Lit levels: 2 to 29, as many laboratories with 2 to 4 as with 8 to 16.
+fn lit_levels(fault: &str, random: &mut Random) -> usize {
+    let drawn = (2.0 * 15.0_f64.powf(random.uniform())) as usize;
+    match fault {
+        "dark and one or two levels only" => 1 + (2.0 * random.uniform()) as usize,
+        "dark and 29 levels" => 29,
+        // Of two lamps nobody tells which one is off.
+        _ if fault.starts_with("a third") || fault.starts_with("one lamp") => drawn.max(3),
+        _ => drawn,
+    }
+}
+
 /// Levels as they are and as they are said to be.
 fn lamps(fault: &str, random: &mut Random) -> Vec<[f64; 2]> {
-    let lit = match fault {
-        "dark and two levels only" => 2,
-        _ => 4 + (8.0 * random.uniform()) as usize,
-    };
+    let lit = lit_levels(fault, random);
     // One of each part of the range, so that none coincide.
     let step = 0.92 / lit as f64;
     let mut stated: Vec<f64> =

@@ -1,8 +1,9 @@
 //! The study of `calibrate` in random laboratories of known truth, simulated without the library.
 //!
-//! `cargo run --release --example study-labs -- [--labs N] [--report FILE]` prints a row for each kind of fault, and writes the tables
-//! between the marks of FILE.
+//! `cargo run --release --example study-labs -- [--labs N] [--program FILE] [--report FILE]` prints a row for each kind of fault, and writes
+//! the tables between the marks of the report. With the program built, every eleventh laboratory goes through its files and command line.
 
+mod best;
 #[path = "../../tests/calibrate_support/mod.rs"]
 mod calibrate_support;
 mod judge;
@@ -10,104 +11,81 @@ mod lab;
 #[path = "../diagnose/share.rs"]
 #[allow(dead_code, reason = "the study of diagnose uses more of it")]
 mod share;
+mod tables;
 
-use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use judge::{Compared, QUANTITIES, Verdict, judge};
-use lab::{FAULTS, Lab};
+use judge::{QUANTITIES, Verdict, judge, judge_program};
+use lab::Lab;
 use rayon::prelude::*;
-use share::Share;
 
 const MARKS: [&str; 2] = ["<!-- begin: study-labs -->\n", "<!-- end: study-labs -->"];
 
-fn main() {
-    let (mut labs, mut report) = (300_u64, None);
+/// One laboratory in so many goes through files; no divisor of the number of faults, so each has its turn.
+const THROUGH_FILES: u64 = 11;
+
+struct Arguments {
+    labs: std::ops::Range<u64>,
+    program: PathBuf,
+    report: Option<PathBuf>,
+}
+
+fn arguments() -> Arguments {
+    // Beside `examples`, where cargo puts it.
+    let beside = std::env::current_exe().ok().and_then(|e| Some(e.parent()?.parent()?.join("spikelane")));
+    let mut found = Arguments { labs: 0..300, program: beside.unwrap_or_default(), report: None };
     let mut all = std::env::args().skip(1);
     while let Some(arg) = all.next() {
         let value = all.next().unwrap_or_else(|| panic!("{arg} needs a value"));
         match arg.as_str() {
-            "--labs" => labs = value.parse().expect("a number of laboratories"),
-            "--report" => report = Some(value),
-            _ => panic!("{arg}: give --labs N or --report FILE"),
+            "--labs" => found.labs = 0..value.parse().expect("a number of laboratories"),
+            "--lab" => {
+                let one: u64 = value.parse().expect("the number of a laboratory");
+                found.labs = one..one + 1;
+            }
+            "--program" => found.program = value.into(),
+            "--report" => found.report = Some(value.into()),
+            _ => panic!("{arg}: give --labs N, --lab N, --program FILE or --report FILE"),
         }
     }
-    let verdicts: Vec<(&str, Verdict)> = (0..labs)
-        .into_par_iter()
-        .map(|index| {
-            let lab = Lab::new(index);
-            let verdict = judge(&lab);
-            match &verdict {
-                Verdict::Refused(why) => println!("laboratory {index}, {}: refused, {why}", lab.fault),
-                Verdict::Said(_) => verdict.wrong().iter().for_each(|c| {
-                    let name = QUANTITIES[c.quantity];
-                    println!(
-                        "laboratory {index}, {}: {name} {:+.1} errors off, error {:.3} %",
-                        lab.fault,
-                        c.z,
-                        100.0 * c.relative
-                    );
-                }),
-            }
-            (lab.fault, verdict)
-        })
-        .collect();
-    let tables = tables(&verdicts);
+    assert!(
+        found.program.is_file(),
+        "{}: no such program; build it (cargo build --release) or give --program FILE",
+        found.program.display()
+    );
+    found
+}
+
+fn main() {
+    let arguments = arguments();
+    let verdicts: Vec<(&str, Verdict)> =
+        arguments.labs.into_par_iter().map(|index| verdict(index, &arguments.program)).collect();
+    let tables = tables::all(&verdicts);
     print!("{tables}");
-    if let Some(file) = report {
-        write(Path::new(&file), &tables);
+    if let Some(file) = &arguments.report {
+        write(file, &tables);
     }
 }
 
-fn tables(verdicts: &[(&str, Verdict)]) -> String {
-    let mut text = String::from("| fault | labs | refused | right | wrong |\n|---|--:|--:|--:|--:|\n");
-    for fault in FAULTS {
-        let of: Vec<&Verdict> = verdicts.iter().filter(|v| v.0 == fault).map(|v| &v.1).collect();
-        let refused = of.iter().filter(|v| matches!(v, Verdict::Refused(_))).count();
-        let wrong = of.iter().filter(|v| !v.wrong().is_empty()).count();
-        writeln!(text, "| {fault} | {} | {refused} | {} | {wrong} |", of.len(), of.len() - refused - wrong)
-            .unwrap();
-    }
-    let said = |fault: Option<&str>| -> Vec<Compared> {
-        let of = verdicts.iter().filter(|v| fault.is_none_or(|f| f == v.0));
-        of.flat_map(|v| if let Verdict::Said(all) = &v.1 { all.clone() } else { Vec::new() }).collect()
+fn verdict(index: u64, program: &Path) -> (&'static str, Verdict) {
+    let lab = Lab::new(index);
+    let verdict = if index % THROUGH_FILES == 5 {
+        let folder = std::env::temp_dir().join(format!("study-labs-{}-{index}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let verdict = judge_program(&lab, program, &folder);
+        std::fs::remove_dir_all(&folder).unwrap();
+        verdict
+    } else {
+        judge(&lab)
     };
-    text += "\nShare of the 95 % intervals that hold the truth, with its own 95 % interval, and the median half width.\n\n";
-    text += "| quantity | intervals | hold the truth | standard error, median |\n|---|--:|---|--:|\n";
-    let everything = said(None);
-    for (q, name) in QUANTITIES.iter().enumerate() {
-        let of: Vec<&Compared> = everything.iter().filter(|c| c.quantity == q).collect();
-        let held = of.iter().filter(|c| c.z.abs() <= 1.96).count();
-        let mut widths: Vec<f64> = of.iter().map(|c| c.relative).collect();
-        widths.sort_by(f64::total_cmp);
-        let width = widths.get(widths.len() / 2).copied().unwrap_or(0.0);
-        writeln!(
-            text,
-            "| {name} | {} | {} | {:.3} % |",
-            of.len(),
-            Share { hits: held, of: of.len() },
-            100.0 * width
-        )
-        .unwrap();
+    if let Verdict::Refused(why) = &verdict {
+        println!("laboratory {index}, {}: refused, {why}", lab.fault);
     }
-    text += "\nThe same by kind of fault, in per cent.\n\n| fault |";
-    QUANTITIES.iter().for_each(|q| text += &format!(" {q} |"));
-    text += &format!("\n|---|{}\n", "--:|".repeat(QUANTITIES.len()));
-    for fault in FAULTS {
-        let of = said(Some(fault));
-        text += &format!("| {fault} |");
-        for q in 0..QUANTITIES.len() {
-            let mine: Vec<&Compared> = of.iter().filter(|c| c.quantity == q).collect();
-            let held = mine.iter().filter(|c| c.z.abs() <= 1.96).count();
-            text += &if mine.is_empty() {
-                " |".to_owned()
-            } else {
-                format!(" {:.0} |", 100.0 * held as f64 / mine.len() as f64)
-            };
-        }
-        text.push('\n');
+    for c in verdict.wrong() {
+        let (name, error) = (QUANTITIES[c.quantity], 100.0 * c.relative);
+        println!("laboratory {index}, {}: {name} {:+.1} errors off, error {error:.3} %", lab.fault, c.z);
     }
-    text
+    (lab.fault, verdict)
 }
 
 fn write(path: &Path, tables: &str) {

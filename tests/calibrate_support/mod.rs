@@ -82,10 +82,25 @@ pub struct Trace {
     pub times: Vec<u32>,
 }
 
-/// One pixel under one constant light. Between the zone where threshold noise can decide and a
+/// Light on the sensor, and by how much of it it rises while it is recorded.
+#[derive(Clone, Copy)]
+pub struct Lit {
+    pub light: f64,
+    pub rise: f64,
+}
+
+impl Lit {
+    pub const fn steady(light: f64) -> Self {
+        Self { light, rise: 0.0 }
+    }
+}
+
+/// One pixel under one light. Between the zone where threshold noise can decide and a
 /// spike, charge is added in one step of many readouts: the sum of that many normal draws.
-pub fn run(noise: &Noise, pixel: &Pixel, light: f64, readouts: u32, random: &mut Random) -> Trace {
-    let mean = pixel.gain * light + pixel.dark;
+pub fn run(noise: &Noise, pixel: &Pixel, lit: Lit, readouts: u32, random: &mut Random) -> Trace {
+    let light = lit.light;
+    let mean_at =
+        |t: f64| pixel.gain * light * (1.0 + lit.rise * (t / f64::from(readouts) - 0.5)) + pixel.dark;
     // Photons before the gain; a normal law is exact enough above some hundred of them.
     let sd = if light > 0.0 { pixel.gain * (light / noise.photons).sqrt() } else { 0.0 };
     let reach = pixel.phi - 6.0 * noise.sigma_t;
@@ -94,10 +109,11 @@ pub fn run(noise: &Noise, pixel: &Pixel, light: f64, readouts: u32, random: &mut
     let mut fired = false;
     let mut t = 0;
     while t < readouts {
+        let mean = mean_at(f64::from(t));
         let free = ((reach - charge - 8.0 * sd) / (mean + 8.0 * sd)).floor();
         if free >= 2.0 && !fired {
             let n = free.min(f64::from(readouts - t));
-            charge += n * mean + n.sqrt() * sd * random.normal();
+            charge += n * mean_at(f64::from(t) + 0.5 * n) + n.sqrt() * sd * random.normal();
             t += n as u32;
             continue;
         }
@@ -152,23 +168,34 @@ fn slope(times: &[u32]) -> f64 {
     (sv * qq - qv * sq) / (ss * qq - sq * sq) / (mean * mean)
 }
 
-/// All pixels at one light; intervals are looked at where `dim`.
-pub fn level(noise: &Noise, pixels: &[Pixel], light: f64, readouts: u32, seed: u64, dim: bool) -> Level {
+/// When each pixel fired, at one light.
+pub fn traces(noise: &Noise, pixels: &[Pixel], lit: Lit, readouts: u32, seed: u64) -> Vec<Vec<u32>> {
     let trace = |(p, pixel): (usize, &Pixel)| {
         let mut random = Random::new(seed.wrapping_mul(1_000_003).wrapping_add(p as u64));
-        let times = run(noise, pixel, light, readouts, &mut random).times;
-        let ends = (times.first().copied().unwrap_or(u32::MAX), times.last().copied().unwrap_or(u32::MAX));
-        (times.len() as u32, ends.0, ends.1, if dim { slope(&times) } else { f64::NAN })
+        run(noise, pixel, lit, readouts, &mut random).times
     };
-    let all: Vec<_> = pixels.par_iter().enumerate().map(trace).collect();
-    let count = all.iter().map(|t| t.0).collect();
-    let first: Vec<u32> = all.iter().map(|t| t.1).collect();
-    let last: Vec<u32> = all.iter().map(|t| t.2).collect();
-    let mut level = Level::from_counts(&format!("light {light:.4}"), light, readouts, count, &first, &last);
+    pixels.par_iter().enumerate().map(trace).collect()
+}
+
+/// What is counted of spikes at a light; intervals are looked at where `dim`.
+pub fn level_of(times: &[Vec<u32>], light: f64, readouts: u32, dim: bool) -> Level {
+    let count = times.iter().map(|t| t.len() as u32).collect();
+    let ends = |at: fn(&Vec<u32>) -> Option<&u32>| -> Vec<u32> {
+        times.iter().map(|t| at(t).copied().unwrap_or(u32::MAX)).collect()
+    };
+    let (first, last) = (ends(|t| t.first()), ends(|t| t.last()));
+    let early: Vec<u32> = times.iter().map(|t| t.partition_point(|t| *t < readouts / 2) as u32).collect();
+    let mut level = Level::from_counts(&format!("light {light:.4}"), light, readouts, count, &first, &last)
+        .with_first_half(&early);
     if dim {
-        let map = all.iter().map(|t| t.3).collect();
+        let map = times.par_iter().map(|t| slope(t)).collect();
         // The dark alone may have fewer spikes than these spans ask for; there it makes no difference.
         level.noise = Some(spikelane::calibrate::IntervalNoise { map, lags: vec![4, 8, 16] });
     }
     level
+}
+
+/// All pixels at one steady light.
+pub fn level(noise: &Noise, pixels: &[Pixel], light: f64, readouts: u32, seed: u64, dim: bool) -> Level {
+    level_of(&traces(noise, pixels, Lit::steady(light), readouts, seed), light, readouts, dim)
 }
