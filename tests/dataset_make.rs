@@ -235,7 +235,7 @@ fn clip(folder: &Path, brightness: u8) {
 fn inputs(folder: &Path) -> Work {
     Work::Inputs(Inputs {
         folder: folder.to_owned(),
-        readouts_per_frame: 8,
+        readouts_per_frame: Some(8),
         insertion: Insertion::Linear,
         fit: Fit::Resize,
         transfer: None,

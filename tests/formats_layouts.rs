@@ -42,8 +42,16 @@ fn place(layout: Layout, g: Geometry, row: usize, col: usize) -> usize {
         Layout::Rows1024 => row * 1024 + col + if col < 500 { 0 } else { 12 },
         Layout::NpyBits => row * g.width().div_ceil(8) * 8 + col,
         Layout::NpyBytes => (row * g.width() + col) * 8,
+        Layout::DatMsb => turned(place(Layout::Dat, g, row, col)),
+        Layout::DatTopMsb => turned(place(Layout::DatTop, g, row, col)),
+        Layout::NpyBitsMsb => turned(place(Layout::NpyBits, g, row, col)),
         _ => unreachable!("a layout without a rule here"),
     }
+}
+
+/// The bit that is as far from the other end of its byte.
+fn turned(bit: usize) -> usize {
+    bit / 8 * 8 + 7 - bit % 8
 }
 
 fn check_rule(layout: Layout, g: Geometry, seed: u64) {
@@ -74,7 +82,15 @@ fn any_size() -> impl Strategy<Value = Geometry> {
     (width, 1u32..40).prop_map(|(w, h)| Geometry::new(w, h).unwrap())
 }
 
-const OF_ANY_SIZE: [Layout; 4] = [Layout::Dat, Layout::DatTop, Layout::NpyBits, Layout::NpyBytes];
+const OF_ANY_SIZE: [Layout; 7] = [
+    Layout::Dat,
+    Layout::DatTop,
+    Layout::NpyBits,
+    Layout::NpyBytes,
+    Layout::DatMsb,
+    Layout::DatTopMsb,
+    Layout::NpyBitsMsb,
+];
 
 proptest! {
     #[test]
@@ -86,7 +102,7 @@ proptest! {
 
     #[test]
     fn bits_that_are_no_pixel_do_not_come_back(g in any_size(), seed: u64) {
-        for layout in [Layout::Dat, Layout::DatTop, Layout::NpyBits] {
+        for layout in OF_ANY_SIZE.into_iter().filter(|l| *l != Layout::NpyBytes) {
             let packed = spikes(g, seed);
             let mut file = encoded(layout, g, &packed);
             let mut is_pixel = vec![false; file.len() * 8];
@@ -105,7 +121,8 @@ proptest! {
 fn one_pixel_is_a_whole_byte_in_every_layout() {
     let g = Geometry::new(1, 1).unwrap();
     for layout in OF_ANY_SIZE {
-        assert_eq!(encoded(layout, g, &[1]), [1], "{layout}");
+        let first = if layout.name().ends_with("msb") { 0x80 } else { 1 };
+        assert_eq!(encoded(layout, g, &[1]), [first], "{layout}");
         check_rule(layout, g, 3);
     }
 }

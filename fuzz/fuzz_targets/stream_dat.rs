@@ -1,4 +1,5 @@
-//! `dat` and `dat-top`: any bytes whose length fits are a stream, no others are.
+//! `dat` and `dat-top`: any bytes that hold a frame are a stream, unless they are a known container or hold whole
+//! frames of a known camera only.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -13,8 +14,8 @@ fuzz_target!(|data: &[u8]| {
     let frame = (g.width() * g.height()).div_ceil(8);
     for layout in [Layout::Dat, Layout::DatTop] {
         let opened = Reader::from_bytes("fuzz", bytes.to_vec(), Some(layout), Some(g));
-        let fits = !bytes.is_empty() && bytes.len() % frame == 0;
-        assert_eq!(opened.is_ok(), fits);
+        // Containers and cameras are told from these by rules with tests of their own.
+        assert!(bytes.len() >= frame || opened.is_err());
         let reader = match opened {
             Ok(reader) => reader,
             Err(error) => return check_error(&error),

@@ -47,6 +47,10 @@ fn stored(data: &[u8]) {
         array.extend((text.len() as u16).to_le_bytes());
         array.extend(text.as_bytes());
         array.extend(&body);
+        // A cube is both.
+        if g.height() == g.width() && readouts == g.width() {
+            continue;
+        }
         let reader = Reader::from_bytes("fuzz", archive(name, &array), None, Some(g)).unwrap();
         assert_eq!(reader.readouts(), readouts);
         check_pixels(&reader, |t, row, col| {

@@ -9,7 +9,8 @@ use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
 use crate::formats::{Layout, StreamWriter};
 use crate::plan::Plan;
-use crate::simulate::{FrameRef, Simulator};
+use crate::simulate::{CameraFacts, FrameRef, LightFacts, Sidecar, Simulator, StreamFacts, Written};
+use crate::spikes;
 
 /// Frames simulated at a time.
 const BATCH: usize = 496;
@@ -52,7 +53,7 @@ impl Protocol {
         frame * u64::from(self.readouts) * self.recordings.len() as u64
     }
 
-    /// Simulates every recording of `camera` into `folder`, as `.dat`, with `recordings.toml`; returns that
+    /// Simulates every recording of `camera` into `folder`, as `.dat` with a sidecar each, and `recordings.toml`; returns that
     /// file's path. That file gives light as a set does, in the light of one spike per readout. Each recording has a sequence number of its own, so that their noise differs.
     ///
     /// # Errors
@@ -134,6 +135,7 @@ impl Protocol {
             _ => u64::MAX,
         };
         let mut buffer = vec![0; BATCH * geometry.frame_bytes()];
+        let mut fired = 0;
         let (mut at, end) = (0, u64::from(self.readouts));
         let mut samples = frame(0).unwrap_or_default();
         while at < end {
@@ -143,12 +145,29 @@ impl Protocol {
             let now = (BATCH as u64).min(end - at).min(hold - at % hold) as usize;
             let out = &mut buffer[..now * geometry.frame_bytes()];
             simulator.push(FrameRef::f32(&samples, geometry), out)?;
+            fired += spikes::count(out);
             writer.write_frames(at, out)?;
             at += now as u64;
             tell(at as f64 / end as f64);
         }
-        writer.finish()?;
-        Ok(())
+        let done = writer.finish()?;
+        let written = Written { spikes: fired, path: done.path, bytes: done.bytes, digest: done.digest };
+        let facts = StreamFacts::new(&written, geometry, end);
+        let sidecar = Sidecar {
+            readout_hz: Some(camera.sensor.readout_hz),
+            seeds: Some(Sidecar::seed_facts(seeds)),
+            camera: Some(CameraFacts::new(camera)?),
+            light: Some(LightFacts {
+                source: format!("{light:?}, in full scales"),
+                transfer: "linear".to_owned(),
+                insertion: "hold".to_owned(),
+                exposure_electrons: camera.operating(0.0).electrons * camera.sensor.thresholds_at_full_scale,
+                greatest_light: greatest.max(1.0),
+                ..LightFacts::default()
+            }),
+            ..Sidecar::new(geometry, Layout::Dat, end, facts)
+        };
+        sidecar.write(&path.with_extension("json"), force)
     }
 }
 

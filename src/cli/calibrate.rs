@@ -14,6 +14,7 @@ use spikelane::storage::refuse_existing;
 
 use super::output::Out;
 use super::progress::Files;
+use super::stream::warn_of_set;
 
 /// Fit a camera to recordings of known light.
 #[derive(Debug, ClapArgs)]
@@ -50,6 +51,7 @@ pub struct Args {
 pub fn run(args: &Args, out: &Out) -> Result<()> {
     refuse_existing(&args.output, &["camera.toml", "calibration.json", "report.html"], args.force)?;
     let set = RecordingSet::open(&args.recordings)?;
+    warn_of_set(&set, out)?;
     let mut progress = Files::new(out);
     let observed = observe(&set, &mut |name, share| progress.step(name, share))?;
     drop(progress);

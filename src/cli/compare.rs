@@ -16,7 +16,7 @@ use spikelane::storage::{refuse_existing, write_small};
 use super::output::Out;
 use super::progress::Files;
 use super::seeds::SeedArgs;
-use super::stream::StreamArgs;
+use super::stream::{StreamArgs, warn_of_set};
 
 /// Compare presets or camera files with a recording set (.toml) or one static recording.
 #[derive(Debug, ClapArgs)]
@@ -55,7 +55,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     let cameras = names.into_iter().map(presets::load).collect::<Result<Vec<_>>>()?;
     let seeds = args.seeds.seeds();
     let is_set = args.measured.extension().is_some_and(|e| e == "toml");
-    let found = if is_set { grey(args, &cameras, seeds, out)? } else { still(args, &cameras, seeds)? };
+    let found = if is_set { grey(args, &cameras, seeds, out)? } else { still(args, &cameras, seeds, out)? };
     std::fs::create_dir_all(&args.output).map_err(|e| Error::io(args.output.display(), e))?;
     let put = |name: &str, text: &str| {
         let path = args.output.join(name);
@@ -84,6 +84,7 @@ fn to_value(found: &impl serde::Serialize) -> Result<Value> {
 
 fn grey(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<Found> {
     let set = RecordingSet::open(&args.measured)?;
+    warn_of_set(&set, out)?;
     let mut progress = Files::new(out);
     let mut tell = |name: &str, share: f64| progress.step(name, share);
     let found = grey_levels(&set, cameras, seeds, args.longest, &mut tell)?;
@@ -105,8 +106,8 @@ fn grey(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<Foun
     })
 }
 
-fn still(args: &Args, cameras: &[Camera], seeds: Seeds) -> Result<Found> {
-    let found = static_scene(&args.stream.open(&args.measured)?, cameras, seeds)?;
+fn still(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<Found> {
+    let found = static_scene(&args.stream.open(&args.measured, out)?, cameras, seeds)?;
     let mut text = format!(
         "{} static pixels, mean rate {:.4}, noise floor {:.3}\n",
         found.pixels, found.mean_rate, found.floor

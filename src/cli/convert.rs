@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
-use spikelane::formats::{Layout, StreamWriter, convert};
+use spikelane::formats::{EVENTS, Finished, Layout, StreamWriter, convert, write_events};
 use spikelane::report::with_known;
 use spikelane::simulate::{Sidecar, StreamFacts, Written};
 use spikelane::{Error, Kind, Result, spikes};
@@ -26,9 +26,10 @@ pub struct Args {
     output: PathBuf,
     #[command(flatten)]
     stream: StreamArgs,
-    /// Layout to write [default: npy-bytes for a name that ends in .npy, else dat]
+    /// Layout to write, or events: a row (x, y, readout) for each spike, as .npy
+    /// [default: npy-bytes for a name that ends in .npy, dat for .dat, .bin, .raw or no ending]
     #[arg(long, value_name = "LAYOUT",
-          value_parser = PossibleValuesParser::new(Layout::ALL.map(Layout::name)))]
+          value_parser = PossibleValuesParser::new(Layout::ALL.map(Layout::name).into_iter().chain([EVENTS])))]
     to: Option<String>,
     /// Take only these readouts, such as 100..500
     #[arg(long, value_name = "A..B", default_value = "..")]
@@ -42,12 +43,13 @@ pub struct Args {
 }
 
 impl Args {
-    fn layout(&self) -> Result<Layout> {
-        match &self.to {
-            Some(name) => Layout::parse(name),
-            None if self.output.extension().is_some_and(|e| e == "npy") => Ok(Layout::NpyBytes),
-            None => Ok(Layout::Dat),
+    /// What the file will hold; the ending has to agree.
+    fn form(&self) -> Result<Form> {
+        let named = self.to.as_deref().filter(|name| *name != EVENTS).map(Layout::parse).transpose()?;
+        if self.to.is_none() || named.is_some() {
+            return Layout::for_name(&self.output, named).map(Form::Stream);
         }
+        Layout::for_name(&self.output, Some(Layout::NpyBytes)).map(|_| Form::Events)
     }
 
     fn sidecar(&self) -> PathBuf {
@@ -57,8 +59,24 @@ impl Args {
     }
 }
 
+/// What is written.
+#[derive(Clone, Copy)]
+enum Form {
+    Stream(Layout),
+    Events,
+}
+
+impl Form {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Stream(layout) => layout.name(),
+            Self::Events => EVENTS,
+        }
+    }
+}
+
 pub fn run(args: &Args, out: &Out) -> Result<()> {
-    let (layout, sidecar) = (args.layout()?, args.sidecar());
+    let (form, sidecar) = (args.form()?, args.sidecar());
     let same = |a: &PathBuf| std::fs::canonicalize(a).ok();
     if same(&args.input).is_some() && same(&args.input) == same(&args.output) {
         return Err(Error::new(Kind::Usage, args.output.display())
@@ -71,24 +89,27 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
             .expected("a free name for the sidecar")
             .remedy("choose another output, or allow overwriting with --force"));
     }
-    let reader = args.stream.open(&args.input)?;
+    let reader = args.stream.open(&args.input, out)?;
     let original = Sidecar::beside(&args.input).ok().flatten().map(|(_, sidecar)| sidecar);
     let range = args.readouts.of(reader.readouts());
     reader.frames(range.clone())?;
     let crop = args.crop.map(|r| r.0);
     let geometry = crop.map_or(Ok(reader.geometry()), |c| c.geometry(reader.geometry()))?;
-    let writer = StreamWriter::create(&args.output, layout, geometry, range.len() as u64, args.force)?;
     let mut progress = Progress::new(out, stop_flag()?);
     let total = Some(range.len() as u64);
-    let result = convert(&reader, range.clone(), crop, writer, |done| progress.step(done, total));
-    let finished = result.map_err(|e| progress.cause(e))?;
-    drop(progress);
-    let written = Written {
-        spikes: count(&args.output, layout, geometry)?,
-        path: finished.path,
-        bytes: finished.bytes,
-        digest: finished.digest,
+    let step = |done: u64| progress.step(done, total);
+    let result: Result<(Finished, u64)> = match form {
+        Form::Stream(layout) => {
+            let writer =
+                StreamWriter::create(&args.output, layout, geometry, range.len() as u64, args.force)?;
+            convert(&reader, range.clone(), crop, writer, step)
+                .and_then(|done| Ok((done, count(&args.output, layout, geometry)?)))
+        }
+        Form::Events => write_events(&reader, range.clone(), crop, &args.output, args.force, step),
     };
+    let (finished, spikes) = result.map_err(|e| progress.cause(e))?;
+    drop(progress);
+    let written = Written { spikes, path: finished.path, bytes: finished.bytes, digest: finished.digest };
     let origin = original
         .as_ref()
         .map(serde_json::to_value)
@@ -96,29 +117,37 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         .map_err(|e| Error::new(Kind::Config, sidecar.display()).found(e))?;
     let from = json!({
         "file": file_name(&args.input), "layout": reader.layout().name(), "readouts": [range.start, range.end],
+        "lost_readouts": reader.lost(),
     });
     let crop_facts = crop.map(|c| json!([c.x, c.y, c.width, c.height]));
     let facts = Sidecar {
         readout_hz: original.as_ref().and_then(|s| s.readout_hz),
         converted_from: Some(with_known(from, [("crop", crop_facts), ("sidecar", origin)])),
+        layout: form.name().to_owned(),
         command: command_line(),
         ..Sidecar::new(
             geometry,
-            layout,
+            Layout::NpyBytes,
             range.len() as u64,
             StreamFacts::new(&written, geometry, range.len() as u64),
         )
     };
     facts.write(&sidecar, args.force)?;
     out.say(format_args!(
-        "{}  {} readouts of {geometry}, layout {layout}, {}\n{}",
+        "{}  {} readouts of {geometry}, layout {}, {}\n{}",
         args.output.display(),
         range.len(),
+        form.name(),
         bytes_text(written.bytes),
         sidecar.display()
     ));
+    if let Form::Stream(layout) = form
+        && let Some(caveat) = layout.caveat(geometry)
+    {
+        out.say(format_args!("note: {}: {caveat}", args.output.display()));
+    }
     out.event(&json!({
-        "event": "done", "file": args.output.display().to_string(), "layout": layout.name(),
+        "event": "done", "file": args.output.display().to_string(), "layout": form.name(),
         "readouts": range.len(), "width": geometry.width(), "height": geometry.height(),
         "digest": written.digest, "sidecar": sidecar.display().to_string(),
     }))

@@ -89,11 +89,13 @@ pub struct Args {
     /// Also write the light of labelled images in colour as EXR, in cd/m2
     #[arg(hide_short_help = true, long, conflicts_with = "from", help_heading = "Scenes")]
     pub exr: bool,
-    /// Readouts of every frame
-    #[arg(long, value_name = "N", default_value_t = 20, requires = "from", help_heading = "Conversion",
+    /// Readouts of every frame [default: as its times or its rate say, so that motion keeps its speed; 20 where the
+    /// input says nothing, a millisecond at 20 kHz]
+    #[arg(long, value_name = "N", requires = "from", help_heading = "Conversion",
           value_parser = clap::value_parser!(u64).range(1..))]
-    pub readouts_per_frame: u64,
-    /// Light between two frames: hold, linear, or flow (along an estimated motion)
+    pub readouts_per_frame: Option<u64>,
+    /// Light between two frames: hold, linear, or flow (along an estimated motion); held frames make all pixels jump at
+    /// once where the scene moved
     #[arg(long, default_value = "linear", requires = "from", help_heading = "Conversion")]
     pub insertion: Insertion,
     /// How frames are brought to the camera's size: resize, stretch or crop
@@ -148,6 +150,15 @@ pub struct Args {
 pub fn run(args: &Args, out: &Out) -> Result<()> {
     let options = args.options()?;
     let estimate = dataset::estimate(&options)?;
+    if let Some(folder) = &args.from {
+        let skipped = dataset::skipped(folder, &args.output)?;
+        if let Some(text) = named(&skipped) {
+            out.say(format_args!("warning: {}: {text}", folder.display()));
+        }
+    }
+    if let Some(caveat) = StreamLayout::Dat.caveat(options.camera.sensor.geometry) {
+        out.say(format_args!("note: {caveat}"));
+    }
     forecast(&estimate, args.dry_run, out)?;
     if args.dry_run {
         return Ok(());
@@ -156,6 +167,21 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     let report = dataset::make(&options, &mut |p| watcher.step(p));
     watcher.bar.finish_and_clear();
     tell(&options, &report?, out)
+}
+
+/// A line about files that become no sequence.
+fn named(skipped: &[PathBuf]) -> Option<String> {
+    const LISTED: usize = 3;
+    let listed: Vec<String> = skipped.iter().take(LISTED).map(|p| p.display().to_string()).collect();
+    let (files, are) = if skipped.len() == 1 { ("file", "is") } else { ("files", "are") };
+    let more = if skipped.len() > LISTED { ", ..." } else { "" };
+    (!skipped.is_empty()).then(|| {
+        format!(
+            "{} {files} {are} left out, as neither video nor one of several pictures: {}{more}",
+            skipped.len(),
+            listed.join(", ")
+        )
+    })
 }
 
 /// What it will take: the result of a dry run, else said beforehand.
@@ -233,6 +259,9 @@ fn tell(options: &Options, report: &Report, out: &Out) -> Result<()> {
     out.result(&event, &text)?;
     for (input, why) in &report.set_aside {
         out.say(format_args!("set aside  {input}: {why}"));
+    }
+    for note in &report.notes {
+        out.say(format_args!("warning: {note}"));
     }
     if report.too_fast > 0 {
         out.say(format_args!(

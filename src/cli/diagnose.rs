@@ -16,6 +16,7 @@ use spikelane::storage::{refuse_existing, write_small};
 
 use super::output::Out;
 use super::progress::Files;
+use super::stream::warn_of_set;
 
 /// Find what the model of a camera lacks, name it, and add it.
 #[derive(Debug, ClapArgs)]
@@ -56,6 +57,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     }
     let set = RecordingSet::open(&args.recordings)?;
     let holdout = args.holdout.as_deref().map(RecordingSet::open).transpose()?;
+    [Some(&set), holdout.as_ref()].into_iter().flatten().try_for_each(|set| warn_of_set(set, out))?;
     let camera = args.camera.as_deref().map(presets::load).transpose()?;
     let extent = if args.everything { Extent::Everything } else { Extent::Enough };
     let mut bar = Files::new(out);

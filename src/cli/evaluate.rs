@@ -98,7 +98,7 @@ fn stream(args: &Args, out: &Out) -> Result<()> {
             .found("no clear image")
             .expected("--clear, whose codes it is about"));
     }
-    let reader = args.stream.open(&args.file)?;
+    let reader = args.stream.open(&args.file, out)?;
     let at = args.at.unwrap_or(reader.readouts() / 2);
     let truth = args.clear.as_ref().map(|clear| truth(args, &args.file, clear, &reader)).transpose()?;
     let pictures = pictures(args, &reader, at, truth.as_ref())?;
@@ -195,7 +195,7 @@ fn dataset(args: &Args, out: &Out) -> Result<()> {
     for entry in &done {
         let folder = args.file.join("sequences").join(&entry.id);
         for ((kind, all), file) in kinds.iter_mut().zip(["stream.dat", "stream.clean.dat"]) {
-            let (pictures, truth) = sequence(args, &folder, file)?;
+            let (pictures, truth) = sequence(args, &folder, file, out)?;
             out.event(&json!({
                 "sequence": entry.id, "split": entry.split, "stream": *kind, "clear": truth.json(),
                 "pictures": pictures.iter().map(Picture::json).collect::<Vec<_>>(),
@@ -223,10 +223,10 @@ fn mean(all: &[&Picture]) -> String {
     }
 }
 
-fn sequence(args: &Args, folder: &Path, file: &str) -> Result<(Vec<Picture>, Truth)> {
+fn sequence(args: &Args, folder: &Path, file: &str, out: &Out) -> Result<(Vec<Picture>, Truth)> {
     let stream = folder.join(file);
     let record = Record::read(folder)?;
-    let reader = args.stream.open(&stream)?;
+    let reader = args.stream.open(&stream, out)?;
     let at = record.about["clear_readout"].as_u64().map_or(reader.readouts() / 2, |at| at as usize);
     let truth = truth(args, &stream, &folder.join("clear.png"), &reader)?;
     Ok((pictures(args, &reader, at, Some(&truth))?, truth))

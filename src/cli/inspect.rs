@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use serde_json::json;
-use spikelane::formats::Reader;
+use spikelane::formats::{Reader, Reading, Readings};
 use spikelane::measure::{Accumulator, Options, summarise};
 use spikelane::reconstruct::tfp;
 use spikelane::report::with_known;
@@ -46,7 +46,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, out: &Out) -> Result<()> {
-    let reader = args.stream.open(&args.file)?;
+    let (reader, readings) = args.stream.open_compared(&args.file, out)?;
     let sidecar = Sidecar::beside(&args.file).ok().flatten();
     let range = args.readouts.of(reader.readouts());
     let measured = measure(&reader, range.clone())?;
@@ -70,6 +70,11 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         "mean_rate": measured.mean, "least_pixel_rate": measured.least, "greatest_pixel_rate": measured.greatest,
         "dead_pixels": measured.dead, "stuck_pixels": measured.stuck, "hot_pixels": measured.hot,
         "weak_pixels": measured.weak,
+        "geometry_from": reader.origin().to_string(), "lost_readouts": reader.lost(),
+        "readings": listed(&readings).map(|(r, given)| json!({
+            "layout": r.layout.name(), "width": r.geometry.width(), "height": r.geometry.height(),
+            "readouts": r.readouts, "rows_correlation": r.rows, "bytes_correlation": r.bytes, "given": given,
+        })).collect::<Vec<_>>(),
     });
     let beside = [
         ("digest", digest.as_ref().map(|d| json!(d))),
@@ -98,6 +103,11 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         measured.hot,
         measured.weak,
     );
+    text += &format!("size       {}, {}\n", reader.geometry(), reader.origin());
+    for (i, (reading, given)) in listed(&readings).enumerate() {
+        let head = if i == 0 { "readings" } else { "" };
+        text += &format!("{head:<10} {}{}\n", line(reading), if given { "  (as read)" } else { "" });
+    }
     if leading + trailing > 0 {
         text += &format!("left out   {leading} bytes before and {trailing} behind the whole frames\n");
     }
@@ -110,6 +120,20 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         text += &format!("digest     {digest} ({verdict})\n");
     }
     out.result(&event, &text)
+}
+
+/// The reading that was taken, and others of the same bytes.
+fn listed(readings: &Readings) -> impl Iterator<Item = (&Reading, bool)> {
+    let others = readings.others.iter().map(|reading| (reading, false));
+    std::iter::once((&readings.given, true)).chain(others)
+}
+
+fn line(reading: &Reading) -> String {
+    let number = |c: Option<f64>| c.map_or("none".to_owned(), |c| format!("{c:.3}"));
+    let bytes = reading.bytes.map_or(String::new(), |c| format!(", from byte to byte {c:.3}"));
+    let rows = number(reading.rows);
+    let (geometry, layout) = (reading.geometry.to_string(), reading.layout.name());
+    format!("{geometry:<10} {layout:<12} {:>7} readouts, correlation of rows {rows}{bytes}", reading.readouts)
 }
 
 pub fn file_name(path: &std::path::Path) -> String {

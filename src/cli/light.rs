@@ -7,7 +7,8 @@ use clap::builder::PossibleValuesParser;
 use spikelane::dataset::Drive;
 use spikelane::light::open;
 use spikelane::light::{
-    Chart, Fit, Insertion, Motion, Moving, Objects, Options, Rate, Source, Timeline, Transfer,
+    Chart, Fit, Insertion, Motion, Moving, Objects, Options, Pace, READOUTS_PER_FRAME, Rate, Source,
+    Timeline, Transfer,
 };
 use spikelane::scene::{self, KeyPlan, Lighting, Scene, SceneOptions};
 use spikelane::simulate::LightFacts;
@@ -72,20 +73,26 @@ pub struct LightArgs {
     /// The most readouts; by default the stream ends with the input
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Light")]
     pub readouts: Option<u64>,
-    /// Readouts that each frame of the input lasts
+    /// Readouts that each frame of the input lasts [default: as its times or its rate say, so that motion keeps its
+    /// speed; 20 where the input says nothing, a millisecond at 20 kHz]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..),
           conflicts_with = "source_hz", help_heading = "Light")]
     pub readouts_per_frame: Option<u64>,
     /// Frames of the input per second, such as 25 or 30000/1001 [default: what the input states]
     #[arg(hide_short_help = true, long, value_name = "HZ", help_heading = "Light")]
     pub source_hz: Option<Rate>,
-    /// What the light does between two frames: hold, linear, or flow (along an estimated motion)
-    #[arg(long, value_name = "RULE", default_value = "hold", help_heading = "Light")]
-    pub insertion: Insertion,
+    /// What the light does between two frames: hold, linear, or flow (along an estimated motion) [default: linear, as
+    /// held frames make all pixels jump at once where the scene moved; hold for built-in light, drawn often enough]
+    #[arg(long, value_name = "RULE", help_heading = "Light")]
+    pub insertion: Option<Insertion>,
     /// How stored values become light: linear, srgb, or an exponent such as 2.2 [default: the camera's
     /// ([light] in its file), else srgb for images and video; linear for arrays and EXR]
     #[arg(hide_short_help = true, long, value_name = "FUNCTION", help_heading = "Light")]
     pub transfer: Option<Transfer>,
+    /// Size of the camera: input takes that of the input's frames, which then stay as they are
+    #[arg(long, value_name = "input", value_parser = PossibleValuesParser::new(["input"]),
+          conflicts_with_all = ["width", "height"], requires = "input", help_heading = "Light")]
+    pub size: Option<String>,
     /// How frames are brought to the camera's size: resize, stretch or crop
     #[arg(
         hide_short_help = true,
@@ -95,6 +102,9 @@ pub struct LightArgs {
         help_heading = "Light"
     )]
     pub fit: Fit,
+    /// Number in an array that is full scale [default: 255, 65535, true or 1.0; other integers need it]
+    #[arg(long, value_name = "NUMBER", help_heading = "Light")]
+    pub scale: Option<f64>,
     /// Motion over a single image: pan=X,Y in pixels per second, zoom=FACTOR and rotate=DEGREES per second,
     /// joined by ':'
     #[arg(hide_short_help = true, long, value_name = "MOTION", help_heading = "Light")]
@@ -111,7 +121,7 @@ pub struct Light {
     pub readouts: Option<u64>,
     rate: Option<Rate>,
     /// What the user should know about the light beforehand.
-    pub warning: Option<String>,
+    pub warnings: Vec<String>,
 }
 
 impl LightArgs {
@@ -125,6 +135,24 @@ impl LightArgs {
         let stem = self.input.as_deref().and_then(std::path::Path::file_stem);
         let stem = stem.map(|s| s.to_string_lossy().into_owned()).filter(|s| s != "-");
         stem.unwrap_or_else(|| if self.input.is_some() { "run" } else { built_in }.to_owned())
+    }
+
+    /// `camera` with the size of the input's frames, if that was asked for.
+    pub fn sized(&self, mut camera: Camera) -> Result<Camera> {
+        let Some(path) = self.input.as_ref().filter(|_| self.size.is_some()) else { return Ok(camera) };
+        let no_size = |found: &str| {
+            Error::new(Kind::Usage, "--size input")
+                .found(found)
+                .expected("an input whose frames have a size")
+                .remedy("give --width and --height")
+        };
+        if path.as_os_str() == "-" {
+            return Err(no_size("standard input, which can be read only once"));
+        }
+        let options = Options { fit: Fit::Resize, ..self.options(&camera, None) };
+        let source = open(path, &options)?;
+        camera.sensor.geometry = source.stored().ok_or_else(|| no_size("light without a size of its own"))?;
+        Ok(camera)
     }
 
     pub fn open(&self, camera: &Camera) -> Result<Light> {
@@ -146,11 +174,20 @@ impl LightArgs {
             _ => e,
         })?;
         let rate = self.source_hz.or(source.rate());
-        let timeline = match (self.readouts_per_frame, rate) {
-            (Some(n), _) => Timeline::per_frame(n, self.insertion)?,
-            _ if source.frames() == Some(1) => Timeline::still(),
-            (None, Some(rate)) => Timeline::rates(rate, readout, self.insertion)?,
-            (None, None) => return Err(no_rate(&source.describe())),
+        let insertion = self.insertion.unwrap_or(Insertion::Linear);
+        let mut warnings = self.notes(&*source, camera);
+        let timeline = if self.readouts_per_frame.is_none() && source.frames() == Some(1) {
+            Timeline::still()
+        } else {
+            let pace = Pace { readouts_per_frame: self.readouts_per_frame, source: self.source_hz };
+            if pace.is_guessed(&*source) {
+                warnings.push(format!(
+                    "{} says no rate: each frame lasts {READOUTS_PER_FRAME} readouts (--readouts-per-frame or \
+                     --source-hz change that)",
+                    path.display()
+                ));
+            }
+            pace.timeline(&*source, readout, insertion)?
         };
         if timeline == Timeline::still() && self.readouts.is_none() {
             return Err(Error::new(Kind::Usage, source.describe())
@@ -158,11 +195,32 @@ impl LightArgs {
                 .expected("how long it is held")
                 .remedy("give --readouts or --readouts-per-frame"));
         }
-        Ok(Light { source, timeline, readouts: self.readouts, rate, warning: None })
+        Ok(Light { source, timeline, readouts: self.readouts, rate, warnings })
+    }
+
+    /// What the source says, and how much of its frames the camera sees.
+    fn notes(&self, source: &dyn Source, camera: &Camera) -> Vec<String> {
+        let mut notes = source.notes();
+        if let Some(stored) = source.stored() {
+            notes.extend(self.fit.note(stored, camera.sensor.geometry));
+        }
+        if source.times().is_some() && (self.readouts_per_frame.is_some() || self.source_hz.is_some()) {
+            notes.push(
+                "the times that the input states for its frames are not used: --readouts-per-frame or \
+                        --source-hz give others"
+                    .to_owned(),
+            );
+        }
+        notes
+    }
+
+    /// What the light does between frames that are drawn.
+    fn drawn_insertion(&self) -> Insertion {
+        self.insertion.unwrap_or(Insertion::Hold)
     }
 
     fn options(&self, camera: &Camera, moving: Option<Moving>) -> Options {
-        Options { fit: self.fit, transfer: self.transfer, moving, ..Options::of(camera) }
+        Options { fit: self.fit, transfer: self.transfer, moving, scale: self.scale, ..Options::of(camera) }
     }
 
     /// Rate and timeline of light that is drawn at any rate.
@@ -170,18 +228,18 @@ impl LightArgs {
         if let Some(n) = self.readouts_per_frame {
             let (num, den) = readout.parts();
             let rate = Rate::new(num, den.saturating_mul(n))?;
-            return Ok((rate, Timeline::per_frame(n, self.insertion)?));
+            return Ok((rate, Timeline::per_frame(n, self.drawn_insertion())?));
         }
         let rate = match self.source_hz {
             Some(rate) => rate,
             None => Rate::new(frames_per_s, 1)?,
         };
-        Ok((rate, Timeline::rates(rate, readout, self.insertion)?))
+        Ok((rate, Timeline::rates(rate, readout, self.drawn_insertion())?))
     }
 
     /// Frames that `readouts` readouts see, and the one behind them for linear insertion.
     fn frames(&self, timeline: &Timeline, readouts: u64) -> u64 {
-        timeline.at(readouts - 1).frame + 1 + u64::from(self.insertion != Insertion::Hold)
+        timeline.at(readouts - 1).frame + 1 + u64::from(self.drawn_insertion() != Insertion::Hold)
     }
 
     /// Refuses flags that would change nothing.
@@ -189,6 +247,7 @@ impl LightArgs {
         let unused = [
             ("--transfer", self.transfer.is_some()),
             ("--motion", self.motion.is_some()),
+            ("--scale", self.scale.is_some()),
             ("--scene-seed", self.scene_seed.is_some() && !scene),
             ("--lighting", self.lighting.is_some() && !scene),
         ];
@@ -217,9 +276,9 @@ impl LightArgs {
         let scene = Scene::random(self.scene_seed.unwrap_or(DEFAULT_SCENE), &options)?;
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let drive = Drive::new(scene, rate, frames, None, scene::Samples::Four, threads)?;
-        let warning = self.too_fast(drive.plan(), rate, readout);
+        let warnings = self.too_fast(drive.plan(), rate, readout).into_iter().collect();
         let source = Box::new(drive);
-        Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate), warning })
+        Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate), warnings })
     }
 
     /// What to say where the picture moves by more than half a pixel: from one frame to the next,
@@ -227,7 +286,7 @@ impl LightArgs {
     fn too_fast(&self, plan: &KeyPlan, rate: Rate, readout: Rate) -> Option<String> {
         // A tenth more is not worth a word: it is the fastest point of the whole drive.
         let needed = plan.needed_hz(rate.hz());
-        if needed <= 1.1 * rate.hz() || self.insertion != Insertion::Hold {
+        if needed <= 1.1 * rate.hz() || self.drawn_insertion() != Insertion::Hold {
             return None;
         }
         let px_per_frame = plan.max_px_per_readout;
@@ -257,7 +316,7 @@ impl LightArgs {
             timeline,
             readouts: Some(readouts),
             rate: Some(rate),
-            warning: None,
+            warnings: Vec::new(),
         })
     }
 
@@ -267,7 +326,7 @@ impl LightArgs {
         let readouts = self.readouts.unwrap_or(CHART_READOUTS);
         let frames = self.frames(&timeline, readouts);
         let source = Box::new(Chart::new(camera.sensor.geometry, rate, Some(frames))?);
-        Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate), warning: None })
+        Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate), warnings: Vec::new() })
     }
 
     fn moving(&self, camera: &Camera, readout: Rate) -> Result<Light> {
@@ -282,15 +341,8 @@ impl LightArgs {
         let (rate, timeline) = self.drawn(readout, FRAMES_PER_S)?;
         let frames = self.frames(&timeline, readouts);
         let source = open(&path, &self.options(camera, Some(Moving { motion, rate, frames })))?;
-        Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate), warning: None })
+        Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate), warnings: Vec::new() })
     }
-}
-
-fn no_rate(about: &str) -> Error {
-    Error::new(Kind::Usage, about)
-        .found("frames without a rate")
-        .expected("how long each of them lasts")
-        .remedy("give --readouts-per-frame or --source-hz")
 }
 
 impl Light {
@@ -312,7 +364,8 @@ impl Light {
         match (args.readouts_per_frame, self.rate) {
             (Some(n), _) => n.to_string(),
             (None, Some(rate)) => format!("{}", camera.sensor.readout_hz / rate.hz()),
-            (None, None) => String::new(),
+            (None, None) if self.source.times().is_some() => "as its times say".to_owned(),
+            (None, None) => READOUTS_PER_FRAME.to_string(),
         }
     }
 }

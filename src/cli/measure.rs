@@ -38,7 +38,7 @@ const LINE: f64 = 30.0;
 /// # Errors
 /// When the stream cannot be read, or the report not be written.
 pub fn run(args: &Args, out: &Out) -> Result<()> {
-    let reader = args.stream.open(&args.file)?;
+    let reader = args.stream.open(&args.file, out)?;
     let mut progress = Files::new(out);
     let (name, all) = (reader.name().to_string(), reader.readouts().max(1) as f64);
     let statistics =

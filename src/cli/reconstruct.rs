@@ -145,7 +145,7 @@ trait Sink {
 
 pub fn run(args: &Args, out: &Out) -> Result<()> {
     let target = target(&args.output)?;
-    let reader = args.stream.open(&args.file)?;
+    let reader = args.stream.open(&args.file, out)?;
     if args.white.is_some_and(|w| !(w.is_finite() && w > 0.0)) {
         return Err(Error::new(Kind::Usage, "--white").expected("a positive number"));
     }

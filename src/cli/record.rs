@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use spikelane::calibrate::{Protocol, predict};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
+use spikelane::formats::Layout;
 
 use super::camera::CameraArgs;
 use super::output::{Out, bytes_text};
@@ -67,6 +68,9 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         return out.result(&json!({"event": "plan", "precision": rows, "bytes": bytes}), &text);
     }
     out.say(text.trim_end());
+    if let Some(caveat) = Layout::Dat.caveat(camera.sensor.geometry) {
+        out.say(format_args!("note: {caveat}"));
+    }
     let mut progress = Files::new(out);
     let path =
         protocol.record(&camera, args.seeds.seeds(), &args.output, args.force, &mut |name, share| {

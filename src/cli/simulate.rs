@@ -113,7 +113,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     let to = args.to.as_deref().map(Layout::parse).transpose()?;
     let stem = Stem::new(&args.output, to, &args.light.name())?;
     let (layout, names) = (stem.layout, Names::new(&stem));
-    let camera = args.camera.camera()?;
+    let camera = args.light.sized(args.camera.camera()?)?;
     if !args.dry_run && !args.force {
         names.refuse_existing(args.clean, args.images.images_every.is_some())?;
     }
@@ -127,7 +127,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     // Before anything is reserved: what the layout cannot hold, and what would not plan.
     layout.frame_bytes(camera.sensor.geometry)?;
     Plan::with_light(&camera, job.seeds, job.greatest_light.unwrap_or(1.0))?;
-    if let Some(warning) = &light.warning {
+    for warning in &light.warnings {
         out.say(format_args!("warning: {warning}"));
     }
     let needed = needed_bytes(args, &job, &light, layout)?;
@@ -166,7 +166,7 @@ fn job(args: &Args, camera: &Camera, light: &Light, layout: Layout, names: &Name
         backend,
         threads: args.threads.map_or(cpus, usize::from),
         stale: if args.force { vec![names.sidecar.clone(), names.picture.clone()] } else { Vec::new() },
-        ..Run::new(camera.clone(), seeds, light.timeline)
+        ..Run::new(camera.clone(), seeds, light.timeline.clone())
     })
 }
 
@@ -217,6 +217,9 @@ fn simulate(args: &Args, job: &Run, light: Light, stop: Stop, names: &Names, out
         command: command_line(),
         ..Sidecar::new(geometry, layout, outcome.readouts, facts_of(&outcome.noisy))
     };
+    if let Some(caveat) = layout.caveat(geometry) {
+        out.say(format_args!("note: {}: {caveat}", names.noisy.display()));
+    }
     // Last, so that a sidecar always speaks of files that are there.
     sidecar.write(&names.sidecar, args.force)?;
     closing::Closing { job, light: front_end, outcome: &outcome, sidecar: &sidecar, names, seconds }.tell(out)

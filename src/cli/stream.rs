@@ -3,8 +3,11 @@
 use std::path::Path;
 
 use clap::builder::PossibleValuesParser;
-use spikelane::formats::{Layout, Reader};
+use spikelane::calibrate::RecordingSet;
+use spikelane::formats::{Layout, Lost, Opening, Origin, Reader, Readings};
 use spikelane::{Error, Geometry, Kind, Result};
+
+use super::output::Out;
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct StreamArgs {
@@ -18,10 +21,23 @@ pub struct StreamArgs {
     #[arg(long, value_name = "LAYOUT",
           value_parser = PossibleValuesParser::new(Layout::ALL.map(Layout::name)))]
     pub layout: Option<String>,
+    /// Name of the array in an .npz [default: spk, seq, arr_0, or the only one]
+    #[arg(long, value_name = "NAME")]
+    pub key: Option<String>,
+    /// What stands for readouts that a rows1024 recording lost: mark (an empty readout, so that numbers and times
+    /// stay) or drop
+    #[arg(long, value_name = "WHAT", default_value = "mark")]
+    pub lost: Lost,
 }
 
 impl StreamArgs {
-    pub fn open(&self, path: &Path) -> Result<Reader> {
+    /// Opens the stream, and says what its user should know of it.
+    pub fn open(&self, path: &Path, out: &Out) -> Result<Reader> {
+        self.open_compared(path, out).map(|(reader, _)| reader)
+    }
+
+    /// As [`open`](Self::open), with the readings that were compared.
+    pub fn open_compared(&self, path: &Path, out: &Out) -> Result<(Reader, Readings)> {
         let geometry = match (self.width, self.height) {
             (Some(width), Some(height)) => Some(Geometry::new(width, height)?),
             (None, None) => None,
@@ -32,6 +48,28 @@ impl StreamArgs {
             }
         };
         let layout = self.layout.as_deref().map(Layout::parse).transpose()?;
-        Reader::open(path, layout, geometry)
+        let reader = Opening { layout, geometry, key: self.key.clone(), lost: self.lost }.open(path)?;
+        if let Origin::DataSet(file) = reader.origin() {
+            out.say(format_args!("{}: {} from {}", path.display(), reader.geometry(), file.display()));
+        }
+        let readings = reader.readings();
+        warn(&reader, &readings, out);
+        Ok((reader, readings))
     }
+}
+
+/// One line for each thing that is wrong with a stream.
+fn warn(reader: &Reader, readings: &Readings, out: &Out) {
+    for text in reader.warnings().iter().cloned().chain(readings.warning()) {
+        out.say(format_args!("warning: {}: {text}", reader.name()));
+    }
+}
+
+/// Says what is wrong with the streams of a set.
+pub fn warn_of_set(set: &RecordingSet, out: &Out) -> Result<()> {
+    for recording in &set.recordings {
+        let reader = set.reader(recording)?;
+        warn(&reader, &reader.readings(), out);
+    }
+    Ok(())
 }

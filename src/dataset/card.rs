@@ -32,8 +32,10 @@ fn datasheet(options: &Options, manifest: &Manifest) -> String {
             d.images, d.readouts_per_image, d.label_every
         ),
         Work::Inputs(i) => format!(
-            "Videos and image folders of the user, {} readouts per frame ({}). Their rights remain theirs.",
-            i.readouts_per_frame, i.insertion
+            "Videos and image folders of the user, {} ({}). Their rights remain theirs.",
+            i.readouts_per_frame
+                .map_or("readouts as times and rates say".to_owned(), |n| format!("{n} readouts per frame")),
+            i.insertion
         ),
     };
     let effects: Vec<_> = options.camera.effects().iter().map(|e| e.name()).collect();

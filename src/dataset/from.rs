@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::draws::Stream;
 use crate::error::{Error, Kind, Result};
-use crate::light::picture;
+use crate::light::{TIMES, picture};
 use crate::storage::Digest;
 
 /// Endings of files that hold many frames.
@@ -26,38 +26,47 @@ pub struct Input {
     pub frames: Option<u64>,
 }
 
-/// What a search found.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Search {
-    /// What becomes sequences, in the order of their paths.
-    pub inputs: Vec<Input>,
-    /// Pictures that lie by themselves in their folder, below the folder that was searched: a cover or a
-    /// thumbnail is no clip.
-    pub stray: Vec<PathBuf>,
-}
-
 /// Finds them in the order of their paths; links to folders are not followed, hidden
 /// entries and the folder `except` (the output, if it lies below) are passed over.
 ///
 /// # Errors
 /// [`Kind::Io`] when a folder cannot be listed; [`Kind::Input`] when nothing is found.
-pub fn inputs(folder: &Path, except: &Path) -> Result<Search> {
-    let mut found = Found::default();
-    let except = fs::canonicalize(except).ok();
-    search(folder, folder, except.as_deref(), &mut found)?;
-    found.stray.sort();
-    if found.clips.is_empty() {
-        let what =
-            if found.stray.is_empty() { "neither a video nor a folder of images" } else { "single pictures" };
+pub fn inputs(folder: &Path, except: &Path) -> Result<Vec<Input>> {
+    let found = search(folder, except)?;
+    if found.inputs.is_empty() {
         return Err(Error::new(Kind::Input, folder.display())
-            .found(what)
+            .found(format_args!("neither a video nor a folder of images among {} files", found.others.len()))
             .expected("at least one video, or a folder of two or more images")
             .remedy("'spikelane simulate' holds a single picture, or moves over it (--motion)"));
     }
     let own = fs::canonicalize(folder).ok().and_then(|f| Some(f.file_name()?.to_string_lossy().into_owned()));
-    let own = own.unwrap_or_else(|| "images".to_owned());
+    let own = own.unwrap_or_else(|| "clip".to_owned());
     let named = |(path, frames): (PathBuf, _)| Input { id: id(&path, &own), path, frames };
-    Ok(Search { inputs: found.clips.into_iter().map(named).collect(), stray: found.stray })
+    Ok(found.inputs.into_iter().map(named).collect())
+}
+
+/// The files below a folder that become no sequence and belong to none, by their paths below it. A picture that
+/// lies by itself, such as a cover or a thumbnail, is one of them.
+///
+/// # Errors
+/// [`Kind::Io`] when a folder cannot be listed.
+pub fn skipped(folder: &Path, except: &Path) -> Result<Vec<PathBuf>> {
+    let mut others = search(folder, except)?.others;
+    others.sort();
+    Ok(others)
+}
+
+/// What lies below a folder.
+#[derive(Default)]
+struct Found {
+    inputs: BTreeMap<PathBuf, Option<u64>>,
+    others: Vec<PathBuf>,
+}
+
+fn search(folder: &Path, except: &Path) -> Result<Found> {
+    let mut found = Found::default();
+    walk(folder, folder, fs::canonicalize(except).ok().as_deref(), &mut found)?;
+    Ok(found)
 }
 
 /// Readable and unique: the path's letters, or those of the searched folder itself, and a hash of the whole path.
@@ -71,14 +80,7 @@ fn id(path: &Path, own: &str) -> String {
     format!("{name}-{:08x}", Stream::named(&text).id() as u32)
 }
 
-/// What a search has met.
-#[derive(Default)]
-struct Found {
-    clips: BTreeMap<PathBuf, Option<u64>>,
-    stray: Vec<PathBuf>,
-}
-
-fn search(root: &Path, folder: &Path, except: Option<&Path>, found: &mut Found) -> Result<()> {
+fn walk(root: &Path, folder: &Path, except: Option<&Path>, found: &mut Found) -> Result<()> {
     let refused = |e| Error::io(folder.display(), e);
     let mut pictures = Vec::new();
     for entry in fs::read_dir(folder).map_err(refused)? {
@@ -89,18 +91,20 @@ fn search(root: &Path, folder: &Path, except: Option<&Path>, found: &mut Found) 
         }
         if kind.is_dir() {
             if fs::canonicalize(&path).ok().as_deref() != except {
-                search(root, &path, except, found)?;
+                walk(root, &path, except, found)?;
             }
         } else if picture::is_picture(&path) {
             pictures.push(below(root, &path));
         } else if is_moving(&path) {
-            found.clips.insert(below(root, &path), None);
+            found.inputs.insert(below(root, &path), None);
+        } else if path.file_name().is_some_and(|name| name != TIMES) {
+            found.others.push(below(root, &path));
         }
     }
     match pictures.len() {
         0 => {}
-        1 => found.stray.append(&mut pictures),
-        n => drop(found.clips.insert(below(root, folder), Some(n as u64))),
+        1 => found.others.append(&mut pictures),
+        n => drop(found.inputs.insert(below(root, folder), Some(n as u64))),
     }
     Ok(())
 }

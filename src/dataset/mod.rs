@@ -19,7 +19,7 @@ mod structure;
 mod truth;
 
 pub use drive::Drive;
-pub use from::{Input, Search, inputs};
+pub use from::{Input, inputs, skipped};
 pub use images::Images;
 pub use manifest::{Entry, Manifest, Status};
 pub use options::{Drives, Estimate, Inputs, Options, Structure, Work};

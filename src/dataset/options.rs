@@ -130,8 +130,8 @@ impl Drives {
 pub struct Inputs {
     /// Where they lie.
     pub folder: PathBuf,
-    /// Readouts of every frame.
-    pub readouts_per_frame: u64,
+    /// Readouts of every frame; `None` as its times or rate say, see [`crate::light::Pace`].
+    pub readouts_per_frame: Option<u64>,
     /// Light between frames.
     pub insertion: Insertion,
     /// How frames come to the camera's size.
@@ -199,7 +199,7 @@ impl Options {
     pub fn check(&self) -> Result<()> {
         let empty = match &self.work {
             Work::Drives(d) => d.sequences == 0 || d.readouts() == 0,
-            Work::Inputs(i) => i.readouts_per_frame == 0,
+            Work::Inputs(i) => i.readouts_per_frame == Some(0),
         };
         let empty = empty || self.images.every == Some(0);
         if empty || !(0.0..=1.0).contains(&self.test_share) {

@@ -8,6 +8,7 @@ use crate::dataset::{
 };
 use crate::error::{Error, Kind, Result};
 use crate::formats::Layout;
+use crate::light::READOUTS_PER_FRAME;
 use crate::storage;
 
 /// How far a dataset is.
@@ -36,12 +37,14 @@ pub struct Report {
     pub verified: usize,
     /// Sequences set aside.
     pub failed: usize,
-    /// What was set aside, sequences and stray pictures: the path of each, and why.
+    /// Inputs that were set aside, and why.
     pub set_aside: Vec<(String, String)>,
     /// Scenes made whose picture moves by more than half a pixel from one readout to the next.
     pub too_fast: usize,
     /// Readouts a second at which none of them would; 0 when none does.
     pub needed_readout_hz: u64,
+    /// What the user should know of the inputs of sequences made, one line each.
+    pub notes: Vec<String>,
 }
 
 /// What the dataset will take, without writing anything; on resume, what is left of it.
@@ -133,10 +136,10 @@ fn entries(options: &Options) -> Result<Vec<Entry>> {
             (0..d.sequences).map(|i| new(format!("scene-{i:04}"), None, Some(d.readouts()))).collect()
         }
         Work::Inputs(i) => inputs(&i.folder, &options.output)?
-            .inputs
             .into_iter()
             .map(|found| {
-                let readouts = found.frames.map(|n| n.saturating_mul(i.readouts_per_frame));
+                let each = i.readouts_per_frame.unwrap_or(READOUTS_PER_FRAME);
+                let readouts = found.frames.map(|n| n.saturating_mul(each));
                 new(found.id, Some(found.path.to_string_lossy().into_owned()), readouts)
             })
             .collect(),
@@ -201,16 +204,7 @@ pub fn make(options: &Options, watch: &mut dyn FnMut(Progress<'_>) -> Result<()>
         manifest.write(&options.output)?;
     }
     card::write(options, &manifest)?;
-    report.set_aside.extend(stray(options)?);
     Ok(report)
-}
-
-/// Pictures that lie by themselves among the inputs.
-fn stray(options: &Options) -> Result<Vec<(String, String)>> {
-    let Work::Inputs(work) = &options.work else { return Ok(Vec::new()) };
-    let why = "a single picture is no clip; two or more in a folder are";
-    let said = |path: std::path::PathBuf| (path.display().to_string(), why.to_owned());
-    Ok(inputs(&work.folder, &options.output)?.stray.into_iter().map(said).collect())
 }
 
 /// Digest of the input as it is now; none for scenes, and for an input that is gone.
@@ -238,6 +232,8 @@ fn settle(mut entry: Entry, made: Result<(Record, String, u64)>, report: &mut Re
                 (Some(record.bytes()), Some(digest), Some(readouts));
             entry.reason = None;
             report.made += 1;
+            let notes = record.about["notes"].as_array().into_iter().flatten();
+            report.notes.extend(notes.filter_map(|n| n.as_str().map(str::to_owned)));
             if record.about["too_fast"] == true {
                 let needed = record.about["needed_readout_hz"].as_u64().unwrap_or(0);
                 report.too_fast += 1;

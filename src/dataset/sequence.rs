@@ -11,7 +11,7 @@ use crate::dataset::truth::{self, Dimmed};
 use crate::dataset::{Drive, Drives, Entry, Inputs, Options, Record, Structure, Work};
 use crate::error::{Error, Result};
 use crate::formats::Layout;
-use crate::light::{self, Frame, Insertion, Samples, Source, Timeline};
+use crate::light::{self, Frame, Insertion, Pace, Samples, Source, Timeline};
 use crate::scene::{Scene, SceneOptions};
 use crate::simulate::{CameraFacts, LightFacts, Looks, Outcome, Run, Sidecar, StreamFacts, run_looking};
 
@@ -149,24 +149,30 @@ fn input(
     (how.fit, how.transfer) = (inputs.fit, inputs.transfer);
     let path = inputs.folder.join(name);
     let open = || light::open(&path, &how);
-    let timeline = Timeline::per_frame(inputs.readouts_per_frame, inputs.insertion)?;
-    let by = input_exposure(options, &open, timeline)?;
     let mut source = open()?;
+    let pace = Pace { readouts_per_frame: inputs.readouts_per_frame, source: None };
+    let timeline = pace.timeline(&*source, options.rate()?, inputs.insertion)?;
+    let by = input_exposure(options, &open, &timeline)?;
+    let mut notes = source.notes();
+    if let Some(stored) = source.stored() {
+        let note = inputs.fit.note(stored, options.camera.sensor.geometry);
+        notes.extend(note.map(|text| format!("{}: {text}", path.display())));
+    }
     let mut source = Dimmed { source: &mut *source, by };
     let mut keeper = Keeper::new(options, options.images.every, false, folder)?;
-    let outcome = streams(options, entry, timeline, &mut source, &mut keeper, watch)?;
+    let outcome = streams(options, entry, timeline.clone(), &mut source, &mut keeper, watch)?;
     let glance = &outcome.glance;
     let middle = outcome.readouts / 2;
     if glance.readout == middle {
         truth::write_both(options, &glance.frame, folder)?;
-    } else if let Some(frame) = truth::middle(&open, timeline, Some(outcome.readouts))? {
+    } else if let Some(frame) = truth::middle(&open, &timeline, Some(outcome.readouts))? {
         truth::write_both(options, &Dimmed::frame(&frame, by)?, folder)?;
     }
     let about = json!({
         "kind": "input", "input": name, "frames": outcome.frames, "readouts": outcome.readouts,
         "readouts_per_frame": inputs.readouts_per_frame, "clear_readout": middle, "clear_transfer": "srgb",
         "ground_truth": truth::facts(options.structure), "light_scale": by, "images": keeper.facts(),
-        "frames_beyond_greatest_light": outcome.too_bright,
+        "frames_beyond_greatest_light": outcome.too_bright, "notes": notes,
     });
     Ok((about, outcome.readouts))
 }
@@ -175,7 +181,7 @@ fn input(
 fn input_exposure(
     options: &Options,
     open: &dyn Fn() -> Result<Box<dyn Source>>,
-    timeline: Timeline,
+    timeline: &Timeline,
 ) -> Result<f32> {
     let mut source = open()?;
     let mut first = Frame::dark(source.geometry());
@@ -199,7 +205,7 @@ fn streams(
 ) -> Result<Outcome> {
     let (camera, seeds) = (truth::exposed(options), options.seeds(&entry.id));
     let folder = keeper.folder.clone();
-    let mut job = Run::new(camera.clone(), seeds, timeline);
+    let mut job = Run::new(camera.clone(), seeds, timeline.clone());
     job.layout = Layout::Dat;
     job.threads = options.threads;
     let (noisy, clean) = (folder.join("stream.dat"), folder.join("stream.clean.dat"));

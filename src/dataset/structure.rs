@@ -5,6 +5,7 @@ use std::path::Path;
 
 use crate::dataset::{Entry, Options, Structure};
 use crate::error::{Error, Result};
+use crate::simulate::{Sidecar, StreamFacts};
 use crate::storage;
 
 /// Puts the stream and the clear image of a sequence where loaders look.
@@ -13,17 +14,24 @@ use crate::storage;
 pub(super) fn place(options: &Options, entry: &Entry) -> Result<()> {
     let sequence = options.output.join("sequences").join(&entry.id);
     let split = options.output.join(&entry.split);
-    link(&sequence.join("stream.dat"), &split.join("spike"), &format!("{}.dat", entry.id))?;
-    link(&sequence.join("stream.clean.dat"), &split.join("clean"), &format!("{}.dat", entry.id))?;
+    let sidecar = Sidecar::read(&sequence.join("stream.json"))?;
+    for (file, folder) in [("stream.dat", "spike"), ("stream.clean.dat", "clean")] {
+        let name = format!("{}.dat", entry.id);
+        link(&sequence.join(file), &split.join(folder), &name)?;
+        // Here each has a folder of its own, and its name.
+        let stream = StreamFacts { file: name, ..sidecar.facts(file).clone() };
+        let own = Sidecar { stream, clean: None, images: None, ..sidecar.clone() };
+        own.write(&split.join(folder).join(format!("{}.json", entry.id)), true)?;
+    }
     link(&sequence.join("gt.png"), &split.join("gt"), &format!("{}.png", entry.id))
 }
 
 /// Takes a sequence out of them.
 pub(super) fn displace(options: &Options, id: &str) {
     for split in ["train", "test"] {
-        for file in [format!("spike/{id}.dat"), format!("clean/{id}.dat"), format!("gt/{id}.png")] {
+        for file in ["spike/ID.dat", "spike/ID.json", "clean/ID.dat", "clean/ID.json", "gt/ID.png"] {
             // Most are not there; one that cannot be removed fails when it is placed again.
-            let _ = fs::remove_file(options.output.join(split).join(file));
+            let _ = fs::remove_file(options.output.join(split).join(file.replace("ID", id)));
         }
     }
 }

@@ -92,7 +92,7 @@ pub(super) fn exposure(options: &Options, light: &Frame) -> f32 {
 /// where only its end tells how long it is.
 pub(super) fn middle(
     open: &dyn Fn() -> Result<Box<dyn Source>>,
-    timeline: Timeline,
+    timeline: &Timeline,
     readouts: Option<u64>,
 ) -> Result<Option<Frame>> {
     let mut source = open()?;
@@ -108,7 +108,7 @@ pub(super) fn middle(
             timeline.readouts(frames).unwrap_or(0)
         }
     };
-    if readouts == 0 { Ok(None) } else { light_at(&mut *source, timeline, readouts / 2).map(Some) }
+    if readouts == 0 { Ok(None) } else { light_at(&mut *source, timeline.clone(), readouts / 2).map(Some) }
 }
 
 /// Light of a source times a factor of at most 1.
@@ -145,6 +145,15 @@ impl Source for Dimmed<'_> {
             return self.source.describe();
         }
         format!("{}, its light exposed by {}", self.source.describe(), self.by)
+    }
+    fn stored(&self) -> Option<Geometry> {
+        self.source.stored()
+    }
+    fn times(&self) -> Option<&[u64]> {
+        self.source.times()
+    }
+    fn notes(&self) -> Vec<String> {
+        self.source.notes()
     }
     fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
         let found = self.source.next_frame(into)?;

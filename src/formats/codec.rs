@@ -1,7 +1,7 @@
 //! The translation between packed frames and the frames of one layout.
 
 use crate::error::{Error, Kind, Result};
-use crate::formats::{Layout, dat, npy, rows416, rows1024};
+use crate::formats::{Layout, layouts};
 use crate::spikes::Geometry;
 
 /// A layout that is known to hold a geometry.
@@ -55,12 +55,15 @@ impl Codec {
         let frames = packed.chunks_exact(size);
         for (packed, file) in frames.zip(file.chunks_exact_mut(self.frame_bytes)) {
             match self.layout {
-                Layout::Dat => dat::flip(self.geometry, packed, file),
-                Layout::DatTop => dat::copy(self.geometry, packed, file),
-                Layout::Rows416 => rows416::encode(packed, file),
-                Layout::Rows1024 => rows1024::encode(packed, file),
-                Layout::NpyBits => npy::encode_bits(self.geometry, packed, file),
-                Layout::NpyBytes => npy::encode_bytes(packed, file),
+                Layout::Dat | Layout::DatMsb => layouts::flip(self.geometry, packed, file),
+                Layout::DatTop | Layout::DatTopMsb => layouts::copy(self.geometry, packed, file),
+                Layout::Rows416 => layouts::encode_rows416(packed, file),
+                Layout::Rows1024 => layouts::encode_rows1024(packed, file),
+                Layout::NpyBits | Layout::NpyBitsMsb => layouts::encode_bits(self.geometry, packed, file),
+                Layout::NpyBytes => layouts::encode_bytes(packed, file),
+            }
+            if self.layout.is_msb() {
+                file.iter_mut().for_each(|b| *b = b.reverse_bits());
             }
         }
         Ok(())
@@ -70,8 +73,8 @@ impl Codec {
     ///
     /// # Errors
     /// [`Kind::Usage`] when the slices do not hold the same number of whole frames;
-    /// [`Kind::Input`] when bytes are none of this layout: a value other than 0 and 1
-    /// in `npy-bytes`, a frame of `rows1024` without its first and last tag.
+    /// [`Kind::Input`] when bytes are none of this layout: values other than 0 and 1,
+    /// or 0 and 255, in `npy-bytes`, a frame of `rows1024` without its first and last tag.
     pub fn decode(&self, file: &[u8], packed: &mut [u8]) -> Result<()> {
         let size = self.geometry.frame_bytes();
         self.check(packed.len(), file.len())?;
@@ -80,16 +83,21 @@ impl Codec {
             return Ok(());
         }
         let frames = file.chunks_exact(self.frame_bytes);
+        let mut turned = vec![0; if self.layout.is_msb() { self.frame_bytes } else { 0 }];
         for (i, (file, packed)) in frames.zip(packed.chunks_exact_mut(size)).enumerate() {
+            turned.iter_mut().zip(file).for_each(|(to, b)| *to = b.reverse_bits());
             match self.layout {
-                Layout::Dat => dat::flip(self.geometry, file, packed),
-                Layout::DatTop => dat::copy(self.geometry, file, packed),
-                Layout::Rows416 => rows416::decode(file, packed),
-                Layout::Rows1024 if rows1024::is_framed(file) => rows1024::decode(file, packed),
+                Layout::Dat => layouts::flip(self.geometry, file, packed),
+                Layout::DatTop => layouts::copy(self.geometry, file, packed),
+                Layout::DatMsb => layouts::flip(self.geometry, &turned, packed),
+                Layout::DatTopMsb => layouts::copy(self.geometry, &turned, packed),
+                Layout::Rows416 => layouts::decode_rows416(file, packed),
+                Layout::Rows1024 if layouts::is_framed(file) => layouts::decode_rows1024(file, packed),
                 Layout::Rows1024 => return Err(lost_frame(i)),
-                Layout::NpyBits => npy::decode_bits(self.geometry, file, packed),
+                Layout::NpyBits => layouts::decode_bits(self.geometry, file, packed),
+                Layout::NpyBitsMsb => layouts::decode_bits(self.geometry, &turned, packed),
                 Layout::NpyBytes => {
-                    npy::decode_bytes(file, packed).map_err(|p| self.no_bit(i, p, file[p]))?;
+                    layouts::decode_bytes(file, packed).map_err(|p| self.no_bit(i, p, file[p]))?;
                 }
             }
         }
@@ -126,8 +134,8 @@ impl Codec {
         let (row, col) = (pixel / self.geometry.width(), pixel % self.geometry.width());
         Error::new(Kind::Input, format_args!("frame {frame}"))
             .found(format_args!("the value {value} at row {row}, col {col}"))
-            .expected("0 or 1 in layout npy-bytes")
-            .remedy("name the layout npy-bits if the bytes hold eight pixels each")
+            .expected("0 and 1, or 0 and 255, in layout npy-bytes")
+            .remedy("name the layout npy-bits, or npy-bits-msb, if the bytes hold eight pixels each")
     }
 }
 

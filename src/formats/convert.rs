@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::error::{Error, Kind, Result};
-use crate::formats::bits::copy_bits;
+use crate::formats::layouts::copy_bits;
 use crate::formats::{Finished, Reader, StreamWriter};
 use crate::spikes::Geometry;
 
@@ -73,6 +73,27 @@ pub fn convert(
             .found(format_args!("{} readouts of {}", writer.readouts(), writer.geometry()))
             .expected(format_args!("{} readouts of {to}", readouts.len())));
     }
+    batches(reader, readouts, crop, |packed| {
+        writer.write_frames(writer.written(), packed)?;
+        progress(writer.written())
+    })?;
+    writer.finish()
+}
+
+/// Hands the packed frames of `readouts`, cropped, to `take`, some megabytes at a time.
+///
+/// # Errors
+/// [`Kind::Usage`] when the range or the crop leave the stream; otherwise those of the reader and of `take`.
+pub(super) fn batches(
+    reader: &Reader,
+    readouts: Range<usize>,
+    crop: Option<Crop>,
+    mut take: impl FnMut(&[u8]) -> Result<()>,
+) -> Result<()> {
+    let from = reader.geometry();
+    let to = crop.map_or(Ok(from), |c| c.geometry(from))?;
+    // Refuses a range beyond the end before anything is read.
+    reader.frames(readouts.clone())?;
     let (size, cut_size) = (from.frame_bytes(), to.frame_bytes());
     let step = (BATCH / size).max(1).min(readouts.len().max(1));
     let mut packed = vec![0; step * size];
@@ -91,8 +112,7 @@ pub fn convert(
                 &*cut
             }
         };
-        writer.write_frames(writer.written(), out)?;
-        progress(writer.written())?;
+        take(out)?;
     }
-    writer.finish()
+    Ok(())
 }

@@ -3,22 +3,25 @@
 //! One file per format ([`Layout`] lists them, `docs/formats.md` states each by rule);
 //! [`Reader`] opens any of them, [`StreamWriter`] writes any, [`convert`] goes between.
 
-mod bits;
 mod codec;
+mod container;
 mod convert;
-mod dat;
-mod npy;
-mod npz;
+mod dataset_config;
+mod events;
+mod layouts;
+mod opening;
 mod reader;
-mod rows1024;
-mod rows416;
+mod readings;
 mod sidecar;
 mod size;
 mod writer;
 
 pub use codec::Codec;
 pub use convert::{Crop, convert};
+pub use events::{EVENTS, write_events};
+pub use opening::{Lost, Opening, Origin};
 pub use reader::{Frames, Reader};
+pub use readings::{Reading, Readings};
 pub use sidecar::candidates as sidecar_paths;
 pub use writer::{Finished, StreamWriter};
 
@@ -45,12 +48,27 @@ pub enum Layout {
     NpyBits,
     /// `npy-bytes`: `.npy`, u8 0 and 1, (T, H, W).
     NpyBytes,
+    /// `dat-msb`: `dat` with the most significant bit first.
+    DatMsb,
+    /// `dat-top-msb`: `dat-top` with the most significant bit first, as `numpy.packbits` has it.
+    DatTopMsb,
+    /// `npy-bits-msb`: `npy-bits` with the most significant bit first, as `numpy.packbits` has it.
+    NpyBitsMsb,
 }
 
 impl Layout {
     /// Every layout.
-    pub const ALL: [Self; 6] =
-        [Self::Dat, Self::DatTop, Self::Rows416, Self::Rows1024, Self::NpyBits, Self::NpyBytes];
+    pub const ALL: [Self; 9] = [
+        Self::Dat,
+        Self::DatTop,
+        Self::Rows416,
+        Self::Rows1024,
+        Self::NpyBits,
+        Self::NpyBytes,
+        Self::DatMsb,
+        Self::DatTopMsb,
+        Self::NpyBitsMsb,
+    ];
 
     /// The name in arguments and sidecars.
     #[must_use]
@@ -62,6 +80,9 @@ impl Layout {
             Self::Rows1024 => "rows1024",
             Self::NpyBits => "npy-bits",
             Self::NpyBytes => "npy-bytes",
+            Self::DatMsb => "dat-msb",
+            Self::DatTopMsb => "dat-top-msb",
+            Self::NpyBitsMsb => "npy-bits-msb",
         }
     }
 
@@ -81,10 +102,75 @@ impl Layout {
     /// The extension, without dot, that files of this layout carry.
     #[must_use]
     pub const fn default_extension(self) -> &'static str {
+        if self.is_array() { "npy" } else { "dat" }
+    }
+
+    /// Whether it is an `.npy` array.
+    #[must_use]
+    pub const fn is_array(self) -> bool {
+        matches!(self, Self::NpyBits | Self::NpyBitsMsb | Self::NpyBytes)
+    }
+
+    /// The layout with the same bytes whose bits run the other way; `None` where bytes are no bits, or a
+    /// camera fixes the order.
+    #[must_use]
+    pub const fn other_bit_order(self) -> Option<Self> {
         match self {
-            Self::Dat | Self::DatTop | Self::Rows416 | Self::Rows1024 => "dat",
-            Self::NpyBits | Self::NpyBytes => "npy",
+            Self::Dat => Some(Self::DatMsb),
+            Self::DatMsb => Some(Self::Dat),
+            Self::DatTop => Some(Self::DatTopMsb),
+            Self::DatTopMsb => Some(Self::DatTop),
+            Self::NpyBits => Some(Self::NpyBitsMsb),
+            Self::NpyBitsMsb => Some(Self::NpyBits),
+            Self::Rows416 | Self::Rows1024 | Self::NpyBytes => None,
         }
+    }
+
+    /// Whether the most significant bit of a byte comes first.
+    const fn is_msb(self) -> bool {
+        matches!(self, Self::DatMsb | Self::DatTopMsb | Self::NpyBitsMsb)
+    }
+
+    /// The layout for a file of this name: the one that is given, else the usual one of its ending.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] when no stream of that layout, or no stream at all, is written under that ending.
+    pub fn for_name(path: &std::path::Path, given: Option<Self>) -> Result<Self> {
+        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        let usual = match ending.as_deref() {
+            Some("npy") => Self::NpyBytes,
+            // Cameras' own programs call headerless streams by these, or by no ending.
+            None | Some("dat" | "bin" | "raw") => Self::Dat,
+            Some(other) => {
+                return Err(Error::new(Kind::Usage, path.display())
+                    .found(format_args!("the ending .{other}"))
+                    .expected("a stream that can be written: .npy, .dat, .bin or .raw")
+                    .remedy("write .npy, which numpy.load reads and numpy.savez or h5py pack"));
+            }
+        };
+        let layout = given.unwrap_or(usual);
+        if layout.is_array() == usual.is_array() {
+            return Ok(layout);
+        }
+        let name = layout.default_extension();
+        Err(Error::new(Kind::Usage, path.display())
+            .found(format_args!("layout {layout} under the ending .{}", ending.unwrap_or_default()))
+            .expected(format_args!("a name that ends in .{name}"))
+            .remedy("correct the name, or leave the layout out"))
+    }
+
+    /// What users of a stream of this size should know before they give it on; `None` where all is well.
+    #[must_use]
+    pub fn caveat(self, geometry: Geometry) -> Option<String> {
+        let plain = matches!(self, Self::Dat | Self::DatTop | Self::DatMsb | Self::DatTopMsb);
+        (plain && !geometry.pixels().is_multiple_of(8)).then(|| {
+            format!(
+                "{geometry} is {} pixels, no multiple of 8: each frame of layout {self} is padded to a whole byte, as \
+                 SCSim and this program read it; Spike-Zoo refuses such a file and SpikeCV reads wrong bits from \
+                 readout 1 on; layout npy-bytes is read right by all",
+                geometry.pixels()
+            )
+        })
     }
 
     /// The only geometry of a camera's own layout, `None` for layouts that hold any.
@@ -106,8 +192,8 @@ impl Layout {
         self.data_bytes(geometry, readouts)?;
         let (w, h) = (geometry.width() as u64, geometry.height() as u64);
         Ok(match self {
-            Self::NpyBits => npy::header(&[readouts, h, w.div_ceil(8)]),
-            Self::NpyBytes => npy::header(&[readouts, h, w]),
+            Self::NpyBits | Self::NpyBitsMsb => layouts::header(&[readouts, h, w.div_ceil(8)]),
+            Self::NpyBytes => layouts::header(&[readouts, h, w]),
             _ => Vec::new(),
         })
     }
@@ -124,10 +210,10 @@ impl Layout {
                 .remedy("choose another layout, such as dat"));
         }
         Ok(match self {
-            Self::Dat | Self::DatTop => geometry.frame_bytes(),
-            Self::Rows416 => rows416::FRAME,
-            Self::Rows1024 => rows1024::FRAME,
-            Self::NpyBits => npy::bits_frame(geometry),
+            Self::Dat | Self::DatTop | Self::DatMsb | Self::DatTopMsb => geometry.frame_bytes(),
+            Self::Rows416 => layouts::ROWS416_FRAME,
+            Self::Rows1024 => layouts::ROWS1024_FRAME,
+            Self::NpyBits | Self::NpyBitsMsb => layouts::bits_frame(geometry),
             Self::NpyBytes => geometry.pixels(),
         })
     }

@@ -1,33 +1,48 @@
-//! Opening a stream in any layout.
+//! A stream, opened: any frame of any layout.
 
 use std::ops::{Deref, Range};
 use std::path::Path;
 
 use crate::error::{Error, Kind, Result};
-use crate::formats::sidecar::Facts;
-use crate::formats::{Codec, Layout, npy, npz, rows1024, sidecar, size};
+use crate::formats::{Codec, Layout, Lost, Opening, Origin};
 use crate::spikes::{Geometry, Packed};
 use crate::storage::Map;
 
 /// How far [`Frames`] reads before it gives memory back.
 const RELEASE: usize = 16 << 20;
 
+/// Numbers of lost readouts that a warning lists.
+const LISTED: usize = 12;
+
 /// A stream, opened: any frame, in any order, from any thread.
 #[derive(Debug)]
 pub struct Reader {
-    source: Source,
+    pub(super) source: Source,
     name: String,
     layout: Layout,
     codec: Codec,
-    /// Bytes before the first whole frame, and of them those that are no header.
-    start: usize,
+    pub(super) place: Place,
+    /// Bytes of partial frames before the first whole one and behind the last.
     leading: usize,
     trailing: usize,
     readouts: usize,
+    lost: Vec<usize>,
+    dropped: usize,
+    origin: Origin,
+    warnings: Vec<String>,
+}
+
+/// Where frames lie.
+#[derive(Debug)]
+pub(super) enum Place {
+    /// One behind the other from this byte on.
+    Even(usize),
+    /// Each at a byte of its own; `None` for a lost one.
+    Each(Vec<Option<usize>>),
 }
 
 #[derive(Debug)]
-enum Source {
+pub(super) enum Source {
     Map(Map),
     Memory(Vec<u8>),
 }
@@ -44,137 +59,119 @@ impl Deref for Source {
 }
 
 impl Reader {
-    /// Opens a file. What is not given comes from the sidecar `STEM.json` beside it (for
-    /// `STEM.clean.dat` also `STEM.json`), from the header of a `.npy` or `.npz`, or from
-    /// the camera a layout belongs to; a headerless file of known geometry is taken for `dat`.
+    /// Opens a file; see [`Opening::open`], of which this gives layout and geometry.
     ///
     /// # Errors
-    /// [`Kind::Input`] when the file is empty, truncated or of another geometry,
-    /// [`Kind::Usage`] when nothing tells the geometry, [`Kind::Config`] when the sidecar
-    /// is needed and broken, [`Kind::Io`] when the file cannot be read.
+    /// As [`Opening::open`].
     pub fn open(path: &Path, layout: Option<Layout>, geometry: Option<Geometry>) -> Result<Self> {
-        let map = Map::open(path)?;
-        let known = layout.is_some() && (geometry.is_some() || layout_tells_geometry(layout));
-        let facts = if known { Facts::default() } else { sidecar::beside(path)? };
-        Self::build(Source::Map(map), path.display().to_string(), layout, geometry, &facts)
+        Opening { layout, geometry, ..Opening::default() }.open(path)
     }
 
     /// Takes a stream that is already in memory; `name` stands for it in errors.
     ///
     /// # Errors
-    /// As [`open`](Self::open), without a sidecar.
+    /// As [`Opening::from_bytes`].
     pub fn from_bytes(
         name: &str,
         bytes: Vec<u8>,
         layout: Option<Layout>,
         geometry: Option<Geometry>,
     ) -> Result<Self> {
-        let source = Source::Memory(bytes);
-        Self::build(source, name.into(), layout, geometry, &Facts::default())
+        Opening { layout, geometry, ..Opening::default() }.from_bytes(name, bytes)
     }
 
-    fn build(
+    /// `readouts` frames from the first byte on.
+    pub(super) fn new(
         source: Source,
-        name: String,
-        layout: Option<Layout>,
-        geometry: Option<Geometry>,
-        facts: &Facts,
-    ) -> Result<Self> {
-        let wanted = layout.or(facts.layout);
-        let known = geometry.or(facts.geometry);
-        let is_npy = |l| matches!(l, Layout::NpyBits | Layout::NpyBytes);
-        // Only without a named layout may the first bytes speak: a headerless
-        // stream can begin with any bytes.
-        let reader = if wanted.is_none_or(is_npy) && source.starts_with(npz::MAGIC) {
-            Self::from_archive(&source, name, known)
-        } else if wanted.map_or(source.starts_with(npy::MAGIC), is_npy) {
-            Self::from_npy(source, name, wanted, known)
-        } else {
-            Self::from_raw(source, name, wanted.unwrap_or_default(), known)
-        }?;
-        let same = Some(reader.geometry()) == facts.geometry && wanted == facts.layout;
-        match facts.readouts {
-            Some(expected) if same && expected != reader.readouts as u64 => {
-                Err(Error::new(Kind::Input, reader.name)
-                    .found(format_args!("{} readouts", reader.readouts))
-                    .expected(format_args!("{expected}, as its sidecar says"))
-                    .remedy("the file was cut short or belongs to another sidecar"))
-            }
-            _ => Ok(reader),
-        }
-    }
-
-    fn from_raw(source: Source, name: String, layout: Layout, geometry: Option<Geometry>) -> Result<Self> {
-        let Some(geometry) = geometry.or(layout.fixed_geometry()) else {
-            return Err(size::unknown(&name, source.len()));
-        };
-        let codec = Codec::new(layout, geometry).map_err(|e| e.within(&name))?;
-        let (start, readouts) = if layout == Layout::Rows1024 {
-            let start =
-                rows1024::synchronise(&source).ok_or_else(|| no_frame(&name, &codec, source.len()))?;
-            (start, (source.len() - start) / codec.frame_bytes())
-        } else {
-            (0, size::readouts(&name, &codec, source.len())?)
-        };
-        Ok(Self {
-            leading: start,
-            trailing: source.len() - start - readouts * codec.frame_bytes(),
+        name: &str,
+        layout: Layout,
+        codec: Codec,
+        readouts: usize,
+        origin: Origin,
+    ) -> Self {
+        Self {
             source,
-            name,
+            name: name.to_owned(),
             layout,
             codec,
-            start,
+            place: Place::Even(0),
+            leading: 0,
+            trailing: 0,
             readouts,
-        })
+            lost: Vec::new(),
+            dropped: 0,
+            origin,
+            warnings: Vec::new(),
+        }
     }
 
-    fn from_npy(
-        source: Source,
-        name: String,
-        layout: Option<Layout>,
-        geometry: Option<Geometry>,
-    ) -> Result<Self> {
-        let array = npy::parse(&name, &source)?;
-        let (layout, geometry) = npy_meaning(&name, &array, layout, geometry)?;
-        let codec = Codec::new(layout, geometry)?;
-        let data = source.len() - array.start;
-        // More than there are bytes saturates into a mismatch.
-        let claims = array.data_bytes().unwrap_or(u64::MAX);
-        if claims == 0 || claims != data as u64 {
-            return Err(Error::new(Kind::Input, name)
-                .found(format_args!("{data} bytes behind the header"))
-                .expected(format_args!("{claims}, at least one frame, for its shape {:?}", array.shape))
-                .remedy("the file was cut short or is still being written"));
-        }
-        Ok(Self {
-            readouts: data / codec.frame_bytes(),
-            source,
-            name,
-            layout,
-            codec,
-            start: array.start,
-            leading: 0,
-            trailing: 0,
-        })
+    /// Adds to what the user should know.
+    pub(super) fn warn(&mut self, text: String) {
+        self.warnings.push(text);
     }
 
-    fn from_archive(bytes: &[u8], name: String, geometry: Option<Geometry>) -> Result<Self> {
-        let archive = npz::read(&name, bytes)?;
-        if let Some(wanted) = geometry.filter(|&g| g != archive.geometry) {
-            return Err(other_geometry(&name, archive.geometry, wanted));
+    /// Notes bytes of partial frames.
+    pub(super) fn cut(&mut self, leading: usize, trailing: usize) {
+        (self.leading, self.trailing) = (leading, trailing);
+        if trailing > 0 {
+            self.warn(format!(
+                "stops inside readout {}: {trailing} bytes behind the {} whole readouts are left out",
+                self.readouts, self.readouts
+            ));
         }
-        // In memory it is what `dat-top` is in a file.
-        let codec = Codec::new(Layout::DatTop, archive.geometry)?;
-        Ok(Self {
-            readouts: archive.packed.len() / codec.frame_bytes(),
-            source: Source::Memory(archive.packed),
-            name,
-            layout: Layout::NpyBytes,
-            codec,
-            start: 0,
-            leading: 0,
-            trailing: 0,
-        })
+        if leading > 0 {
+            self.warn(format!(
+                "starts inside a readout: {leading} bytes before the first whole one are left out"
+            ));
+        }
+    }
+
+    /// Notes lost readouts, by their numbers among all.
+    pub(super) fn lose(&mut self, numbers: Vec<usize>, all: usize, how: Lost) {
+        if numbers.is_empty() {
+            return;
+        }
+        let mut listed: Vec<String> = numbers.iter().take(LISTED).map(usize::to_string).collect();
+        if numbers.len() > LISTED {
+            listed.push("...".to_owned());
+        }
+        let (were, number) =
+            if numbers.len() == 1 { ("readout was", "number") } else { ("readouts were", "numbers") };
+        let what = match how {
+            Lost::Mark => "empty readouts stand in their place (--lost drop leaves them out)",
+            Lost::Drop => "they are left out, and those behind move up (--lost mark keeps the numbers)",
+        };
+        self.warn(format!("{} {were} lost of {all}, {number} {}: {what}", numbers.len(), listed.join(", ")));
+        self.dropped = if how == Lost::Drop { numbers.len() } else { 0 };
+        self.lost = numbers;
+    }
+
+    /// Readouts that the file has numbers for, those that were left out included.
+    pub(super) fn numbered(&self) -> usize {
+        self.readouts + self.dropped
+    }
+
+    pub(super) const fn codec(&self) -> Codec {
+        self.codec
+    }
+
+    /// What the user should know before the numbers are trusted, one line each: a recording that was cut, readouts that
+    /// were lost, a sidecar that says otherwise. Whether the picture fits is [`Reader::readings`]' to say.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Where the size of the frames was found.
+    #[must_use]
+    pub const fn origin(&self) -> &Origin {
+        &self.origin
+    }
+
+    /// Numbers of the readouts that the recording lost, as far as its tags tell.
+    #[must_use]
+    pub fn lost(&self) -> &[usize] {
+        &self.lost
     }
 
     /// The number of whole frames, at least one.
@@ -201,8 +198,8 @@ impl Reader {
         &self.name
     }
 
-    /// Bytes of partial frames left out before the first and behind the last whole
-    /// frame; other than zero only in `rows1024`, whose recordings start anywhere.
+    /// Bytes of partial frames left out before the first whole frame (of `rows1024`, whose recordings start
+    /// anywhere) and behind the last one (where the recording stopped).
     #[must_use]
     pub const fn dropped_bytes(&self) -> (usize, usize) {
         (self.leading, self.trailing)
@@ -229,10 +226,26 @@ impl Reader {
     pub fn read_frames(&self, first: usize, packed: &mut [u8]) -> Result<()> {
         let size = self.geometry().frame_bytes();
         let end = first.saturating_add(packed.len() / size);
-        let file = self.file_range(first..end)?;
-        self.codec
-            .decode(&self.source[file], packed)
-            .map_err(|e| e.within(format_args!("{} from readout {first} on", self.name)))
+        self.check(&(first..end))?;
+        let within = |e: Error, readout| e.within(format_args!("{} from readout {readout} on", self.name));
+        let Place::Each(frames) = &self.place else {
+            let file = self.file_range(first..end)?;
+            return self.codec.decode(&self.source[file], packed).map_err(|e| within(e, first));
+        };
+        let bytes = self.codec.frame_bytes();
+        if !packed.len().is_multiple_of(size) {
+            return self.codec.decode(&[], packed);
+        }
+        for (readout, packed) in (first..end).zip(packed.chunks_exact_mut(size)) {
+            match frames[readout] {
+                Some(at) => {
+                    let file = &self.source[at..at + bytes];
+                    self.codec.decode(file, packed).map_err(|e| within(e, readout))?;
+                }
+                None => packed.fill(0),
+            }
+        }
+        Ok(())
     }
 
     /// The frames of `readouts`, one at a time, in constant memory.
@@ -240,7 +253,7 @@ impl Reader {
     /// # Errors
     /// [`Kind::Usage`] when they are not all in the stream.
     pub fn frames(&self, readouts: Range<usize>) -> Result<Frames<'_>> {
-        self.file_range(readouts.clone())?;
+        self.check(&readouts)?;
         Ok(Frames {
             reader: self,
             frame: vec![0; self.geometry().frame_bytes()],
@@ -268,14 +281,36 @@ impl Reader {
         }
     }
 
-    fn file_range(&self, readouts: Range<usize>) -> Result<Range<usize>> {
+    fn check(&self, readouts: &Range<usize>) -> Result<()> {
         if readouts.start > readouts.end || readouts.end > self.readouts {
             return Err(Error::new(Kind::Usage, &self.name)
                 .found(format_args!("readouts {}..{}", readouts.start, readouts.end))
                 .expected(format_args!("a range within 0..{}", self.readouts)));
         }
-        let at = |readout| self.start + readout * self.codec.frame_bytes();
-        Ok(at(readouts.start)..at(readouts.end))
+        Ok(())
+    }
+
+    /// The bytes of the file that hold these readouts, and nothing else where all are there.
+    fn file_range(&self, readouts: Range<usize>) -> Result<Range<usize>> {
+        self.check(&readouts)?;
+        let bytes = self.codec.frame_bytes();
+        Ok(match &self.place {
+            Place::Even(start) => start + readouts.start * bytes..start + readouts.end * bytes,
+            Place::Each(frames) => {
+                let mut there = frames[readouts].iter().flatten();
+                let first = there.next().copied().unwrap_or(0);
+                first..there.next_back().map_or(first, |last| last + bytes)
+            }
+        })
+    }
+
+    /// The bytes of one frame in the file; `None` for a lost one, or beyond the end.
+    pub(super) fn frame(&self, readout: usize) -> Option<&[u8]> {
+        let at = match &self.place {
+            Place::Even(start) => start + readout * self.codec.frame_bytes(),
+            Place::Each(frames) => (*frames.get(readout)?)?,
+        };
+        self.source.get(at..at + self.codec.frame_bytes())
     }
 }
 
@@ -306,62 +341,4 @@ impl Frames<'_> {
         }
         Some(result.map(|()| self.frame.as_slice()))
     }
-}
-
-fn layout_tells_geometry(layout: Option<Layout>) -> bool {
-    layout.is_some_and(|l| l.fixed_geometry().is_some() || l == Layout::NpyBytes)
-}
-
-/// What an array of bytes means: bits or bytes, and how wide.
-fn npy_meaning(
-    name: &str,
-    array: &npy::Array,
-    layout: Option<Layout>,
-    geometry: Option<Geometry>,
-) -> Result<(Layout, Geometry)> {
-    let [_, height, last] = array.shape;
-    let shape_is = |g: Geometry, last_of_g: usize| (g.height() as u64, last_of_g as u64) == (height, last);
-    let layout = layout.unwrap_or_else(|| match geometry {
-        // A row of bytes as long as the camera's row of bits can only be packed. One pixel a
-        // row reads the same either way.
-        Some(g) if !array.is_bool && g.width() > 1 && shape_is(g, g.width().div_ceil(8)) => Layout::NpyBits,
-        _ => Layout::NpyBytes,
-    });
-    if layout == Layout::NpyBits && array.is_bool {
-        return Err(Error::new(Kind::Input, name)
-            .found("elements of type bool")
-            .expected("u8 in layout npy-bits")
-            .remedy("name the layout npy-bytes"));
-    }
-    let per_byte = if layout == Layout::NpyBits { 8 } else { 1 };
-    let side = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
-    let found = Geometry::new(side(last.saturating_mul(per_byte)), side(height)).map_err(|_| {
-        Error::new(Kind::Input, name)
-            .found(format_args!("shape {:?}", array.shape))
-            .expected("frames of 1 to 2^28 pixels")
-    });
-    match geometry {
-        Some(g) if shape_is(g, g.width().div_ceil(per_byte as usize)) => Ok((layout, g)),
-        Some(g) => Err(other_geometry(name, found?, g)),
-        None => Ok((layout, found?)),
-    }
-}
-
-fn other_geometry(name: &str, found: Geometry, wanted: Geometry) -> Error {
-    Error::new(Kind::Input, name)
-        .found(format_args!("frames of {found}"))
-        .expected(format_args!("{wanted}"))
-        .remedy("leave width and height out, or correct them")
-}
-
-fn no_frame(name: &str, codec: &Codec, bytes: usize) -> Error {
-    if bytes < codec.frame_bytes() {
-        return size::mismatch(name, codec, bytes);
-    }
-    Error::new(Kind::Input, name)
-        .found(format_args!(
-            "{bytes} bytes without a frame near the start whose first tag is (line 500, channel 0)"
-        ))
-        .expected("layout rows1024 of the 1000x1000 camera, 128000 bytes a frame")
-        .remedy("check the layout; plain frames of 125000 bytes are layout dat")
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use crate::error::{Error, Kind, Result};
-use crate::formats::Layout;
+use crate::formats::{EVENTS, Layout};
 use crate::spikes::Geometry;
 
 /// A sidecar holds a camera description, a page or two; maps lie in files of their own.
@@ -17,6 +17,8 @@ pub(super) struct Facts {
     pub(super) geometry: Option<Geometry>,
     pub(super) layout: Option<Layout>,
     pub(super) readouts: Option<u64>,
+    /// The sidecar itself.
+    pub(super) path: Option<PathBuf>,
 }
 
 #[derive(Deserialize)]
@@ -63,7 +65,8 @@ fn read(path: &Path, bytes: u64, stream: &Path) -> Result<Facts> {
             .remedy("give width, height and layout, and it is not read"));
     }
     let text = std::fs::read(path).map_err(|e| Error::io(path.display(), e))?;
-    parse(&path.display().to_string(), &text, stream)
+    let facts = parse(&path.display().to_string(), &text, stream)?;
+    Ok(Facts { path: Some(path.to_path_buf()), ..facts })
 }
 
 fn parse(name: &str, text: &[u8], stream: &Path) -> Result<Facts> {
@@ -81,6 +84,12 @@ fn parse(name: &str, text: &[u8], stream: &Path) -> Result<Facts> {
         (None, None) => None,
         _ => return Err(bad("only one of width and height".into())),
     };
+    if keys.layout.as_deref() == Some(EVENTS) {
+        return Err(Error::new(Kind::Input, stream.display())
+            .found("a list of events, as its sidecar says")
+            .expected("a stream of frames")
+            .remedy("name the stream that the list was made of"));
+    }
     let layout = match keys.layout {
         Some(name) => Some(Layout::parse(&name).map_err(|_| bad(format!("layout '{name}'")))?),
         None => None,
@@ -88,9 +97,9 @@ fn parse(name: &str, text: &[u8], stream: &Path) -> Result<Facts> {
     // `STEM.npy` beside a sidecar of `STEM.dat`: the same camera perhaps, but not the same layout.
     let about = keys.file.as_deref().map_or(stream, Path::new);
     if about.extension() != stream.extension() {
-        return Ok(Facts { geometry, layout: None, readouts: None });
+        return Ok(Facts { geometry, ..Facts::default() });
     }
-    Ok(Facts { geometry, layout, readouts: keys.readouts })
+    Ok(Facts { geometry, layout, readouts: keys.readouts, path: None })
 }
 
 #[cfg(test)]
@@ -121,7 +130,7 @@ mod tests {
     fn a_sidecar_of_another_extension_tells_the_geometry_only() {
         let text = br#"{"width":8,"height":2,"layout":"dat","readouts":3,"file":"run.dat"}"#;
         let facts = parse("s", text, Path::new("a/run.npy")).unwrap();
-        assert_eq!(facts, Facts { geometry: Geometry::new(8, 2).ok(), layout: None, readouts: None });
+        assert_eq!(facts, Facts { geometry: Geometry::new(8, 2).ok(), ..Facts::default() });
         let moved = parse("s", text, Path::new("b/moved.dat")).unwrap();
         assert_eq!((moved.layout, moved.readouts), (Some(Layout::Dat), Some(3)));
     }

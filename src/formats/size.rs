@@ -5,7 +5,7 @@ use crate::formats::{Codec, Layout};
 use crate::spikes::Geometry;
 
 /// Sizes of known cameras and data sets, for hints.
-const KNOWN: [(u32, u32, Layout); 5] = [
+pub(super) const KNOWN: [(u32, u32, Layout); 5] = [
     (400, 250, Layout::Dat),
     (400, 250, Layout::Rows416),
     (1000, 1000, Layout::Dat),
@@ -13,13 +13,28 @@ const KNOWN: [(u32, u32, Layout); 5] = [
     (250, 250, Layout::Dat),
 ];
 
-/// The number of frames in `data` bytes of a file without header.
-pub(super) fn readouts(name: &str, codec: &Codec, data: usize) -> Result<usize> {
+/// The number of whole frames in `data` bytes of a file without header.
+///
+/// A recording may stop inside a frame. But where another reading holds whole frames, of a known camera or what the
+/// sidecar told, the one that was wanted is the likelier mistake.
+pub(super) fn readouts(
+    name: &str,
+    codec: &Codec,
+    data: usize,
+    told: Option<(Layout, Geometry)>,
+) -> Result<usize> {
     let frame = codec.frame_bytes();
-    if data > 0 && data.is_multiple_of(frame) {
-        return Ok(data / frame);
+    let whole = data / frame;
+    if whole > 0 && data.is_multiple_of(frame) {
+        return Ok(whole);
     }
-    Err(mismatch(name, codec, data))
+    let told = told.and_then(|(layout, g)| Codec::new(layout, g).ok());
+    let other = told.filter(|t| t != codec).is_some_and(|t| data.is_multiple_of(t.frame_bytes()));
+    let sure = told == Some(*codec);
+    if whole == 0 || other || !sure && !hints(data, Some(*codec)).is_empty() {
+        return Err(mismatch(name, codec, data));
+    }
+    Ok(whole)
 }
 
 /// The error for a file that holds no whole number of frames.
@@ -43,7 +58,7 @@ pub(super) fn mismatch(name: &str, codec: &Codec, data: usize) -> Error {
 /// The error for a file of which nothing tells the size of a frame.
 pub(super) fn unknown(name: &str, data: usize) -> Error {
     Error::new(Kind::Usage, name)
-        .found(format_args!("{data} bytes and no sidecar that gives width and height"))
+        .found(format_args!("{data} bytes, no sidecar and no config.yaml that give width and height"))
         .expected("width and height of the camera")
         .remedy(remedy(data, None))
 }

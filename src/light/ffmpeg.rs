@@ -1,8 +1,7 @@
 //! Any other video, through the user's own `ffmpeg`.
 //!
 //! ffprobe says how the codes are meant; ffmpeg decodes and writes them as they are, as y4m into a pipe.
-//! Interlaced frames are deinterlaced; a variable frame rate becomes a constant one, with frames
-//! repeated or left out.
+//! Interlaced frames are deinterlaced. Every frame comes once: where they come at no one rate, their times say when.
 
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, ErrorKind, Read};
@@ -37,6 +36,7 @@ impl Process {
             .args(["-nostdin", "-v", "error", "-i"])
             .arg(input)
             .args(["-map", "0:v:0", "-vf", filters])
+            .args(each_frame_once(program)?)
             // More than 8 bits, and other names of grey, are not strict y4m.
             .args(["-strict", "-1", "-f", "yuv4mpegpipe", "-"])
             .stdin(Stdio::null())
@@ -86,6 +86,24 @@ impl Drop for Process {
     }
 }
 
+/// The arguments after which frames are neither repeated nor left out: they changed their name with ffmpeg 5.1.
+fn each_frame_once(program: &str) -> Result<[&'static str; 2]> {
+    let ran = Command::new(program).arg("-version").output().map_err(|e| missing(program, e))?;
+    let text = String::from_utf8_lossy(&ran.stdout);
+    Ok(if is_before_5_1(&text) { ["-vsync", "passthrough"] } else { ["-fps_mode", "passthrough"] })
+}
+
+/// What `ffmpeg -version` begins with; builds between releases have no such number, and are new.
+fn is_before_5_1(text: &str) -> bool {
+    let word = text.split_whitespace().nth(2).unwrap_or_default().trim_start_matches('n');
+    let mut numbers = word.split(|c: char| !c.is_ascii_digit()).map(str::parse::<u32>);
+    match (numbers.next(), numbers.next()) {
+        (Some(Ok(major)), Some(Ok(minor))) => (major, minor) < (5, 1),
+        (Some(Ok(major)), _) => major < 5,
+        _ => false,
+    }
+}
+
 pub(super) fn missing(program: &str, error: std::io::Error) -> Error {
     if error.kind() == ErrorKind::NotFound {
         return Error::new(Kind::Tool, program)
@@ -101,6 +119,7 @@ pub struct Decoded {
     video: Video,
     process: Process,
     announced: Option<u64>,
+    times: Option<Vec<u64>>,
     over: bool,
 }
 
@@ -139,7 +158,7 @@ impl Decoded {
         }
         let output: Box<dyn Read + Send> = Box::new(output);
         let video = Video::with_known_codes(output, &name, camera, fit, linear, probe.known())?;
-        Ok(Self { video, process, announced: probe.frames(), over: false })
+        Ok(Self { video, process, announced: probe.frames, times: probe.times, over: false })
     }
 }
 
@@ -171,7 +190,8 @@ impl Source for Decoded {
     }
 
     fn rate(&self) -> Option<Rate> {
-        self.video.rate()
+        // What the stream says of a variable rate is a guess.
+        self.video.rate().filter(|_| self.times.is_none())
     }
 
     fn front_end(&self) -> FrontEnd {
@@ -179,6 +199,34 @@ impl Source for Decoded {
     }
 
     fn describe(&self) -> String {
-        format!("{}, decoded by ffmpeg", self.video.describe())
+        let rate = if self.times.is_some() { " at a variable rate" } else { "" };
+        format!("{}{rate}, decoded by ffmpeg", self.video.describe())
+    }
+
+    fn stored(&self) -> Option<Geometry> {
+        self.video.stored()
+    }
+
+    fn times(&self) -> Option<&[u64]> {
+        self.times.as_deref()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_of_ffmpeg_are_told_apart() {
+        for (text, before) in [
+            ("ffmpeg version 5.1.9-0+deb12u1 Copyright", false),
+            ("ffmpeg version 4.4.2-0ubuntu0.22.04.1 Copyright", true),
+            ("ffmpeg version n6.0 Copyright", false),
+            ("ffmpeg version 5.0 Copyright", true),
+            ("ffmpeg version N-110223-gb18a9c2971 Copyright", false),
+            ("", false),
+        ] {
+            assert_eq!(is_before_5_1(text), before, "{text}");
+        }
     }
 }

@@ -79,6 +79,28 @@ impl Fit {
         }
     }
 
+    /// The share of a picture's pixels that [`Fit::apply`] shows.
+    #[must_use]
+    pub fn kept(self, picture: Geometry, camera: Geometry) -> f64 {
+        let part = self.part(picture, camera).map_or(0, Geometry::pixels);
+        (part as f64 / picture.pixels() as f64).min(1.0)
+    }
+
+    /// A line for the user when less than 90 % of a picture is shown.
+    #[must_use]
+    pub fn note(self, picture: Geometry, camera: Geometry) -> Option<String> {
+        const MOST: f64 = 0.9;
+        let kept = self.kept(picture, camera);
+        (kept < MOST).then(|| {
+            let other = if self == Self::Crop { "--fit resize or " } else { "" };
+            format!(
+                "the camera's {camera} shows {:.0} % of each {picture} picture; {other}--fit stretch or --size input \
+                 show more",
+                100.0 * kept
+            )
+        })
+    }
+
     /// Refuses a crop that is larger than the picture.
     ///
     /// # Errors

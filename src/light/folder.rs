@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Kind, Result};
 use crate::light::natural::natural_cmp;
 use crate::light::picture::{self, Header, Linear};
-use crate::light::{Fit, Frame, Rate, Source};
+use crate::light::{Fit, Frame, Rate, Source, gaps, times};
 use crate::sensor::FrontEnd;
 use crate::spikes::Geometry;
 
@@ -14,7 +14,10 @@ use crate::spikes::Geometry;
 pub struct Folder {
     folder: PathBuf,
     files: Vec<PathBuf>,
-    ignored: usize,
+    /// Names of other entries that are not hidden.
+    ignored: Vec<String>,
+    /// The file of times and what it says.
+    times: Option<(PathBuf, Vec<u64>)>,
     size: Geometry,
     camera: Geometry,
     fit: Fit,
@@ -28,12 +31,13 @@ impl Folder {
     ///
     /// # Errors
     /// [`Kind::Io`] when it cannot be listed; [`Kind::Input`] when there is no image, one cannot be
-    /// read, their sizes differ, floats are among integers, or [`Fit::Crop`] finds them too small.
+    /// read, their sizes differ, floats are among integers, [`Fit::Crop`] finds them too small, or a
+    /// `timestamps.txt` does not give a time for each.
     pub fn open(folder: &Path, camera: Geometry, fit: Fit, linear: Linear) -> Result<Self> {
-        let (files, ignored) = list(folder)?;
+        let (files, mut ignored) = list(folder)?;
         let Some(first) = files.first() else {
             return Err(Error::new(Kind::Input, folder.display())
-                .found(format_args!("no image among {ignored} entries"))
+                .found(format_args!("no image among {} entries", ignored.len()))
                 .expected(format_args!("files named {}", picture::EXTENSIONS.join(", "))));
         };
         let Header { size, floats } = picture::header(first)?;
@@ -43,10 +47,21 @@ impl Folder {
             same_kind(file, header.floats, first, floats)?;
         }
         fit.check(size, camera).map_err(|e| e.within(folder.display()))?;
+        // The file beside the folder may belong to something else; the one in it does not.
+        let times = match times::beside(folder) {
+            Some(path) if path.parent() == Some(folder) => {
+                let starts = times::read(&path, files.len())?;
+                Some((path, starts))
+            }
+            Some(path) => times::read(&path, files.len()).ok().map(|starts| (path, starts)),
+            None => None,
+        };
+        ignored.retain(|name| name != times::NAME);
         Ok(Self {
             folder: folder.to_owned(),
             files,
             ignored,
+            times,
             size,
             camera,
             fit,
@@ -85,21 +100,34 @@ fn same_kind(file: &Path, found: bool, first: &Path, floats: bool) -> Result<()>
         .remedy("put the images into folders of their own"))
 }
 
-/// The images in natural order, and how many other entries there are.
-fn list(folder: &Path) -> Result<(Vec<PathBuf>, usize)> {
+/// The images in natural order, and the names of other entries that are not hidden.
+fn list(folder: &Path) -> Result<(Vec<PathBuf>, Vec<String>)> {
     let refused = |e| Error::io(folder.display(), e);
-    let (mut files, mut ignored) = (Vec::new(), 0);
+    let (mut files, mut ignored) = (Vec::new(), Vec::new());
     for entry in std::fs::read_dir(folder).map_err(refused)? {
         let path = entry.map_err(refused)?.path();
-        let hidden = name(&path).starts_with('.');
-        if !hidden && picture::is_picture(&path) && path.is_file() {
+        if name(&path).starts_with('.') {
+            continue;
+        }
+        if picture::is_picture(&path) && path.is_file() {
             files.push(path);
         } else {
-            ignored += 1;
+            ignored.push(name(&path));
         }
     }
+    ignored.sort_by(|a, b| natural_cmp(a, b));
     files.sort_by(|a, b| natural_cmp(&name(a), &name(b)));
     Ok((files, ignored))
+}
+
+/// A line about entries that are no pictures.
+fn skipped(names: &[String]) -> Option<String> {
+    const LISTED: usize = 3;
+    let listed = names.iter().take(LISTED).map(String::as_str).collect::<Vec<_>>().join(", ");
+    let (entries, are) =
+        if names.len() == 1 { ("entry", "is no picture") } else { ("entries", "are no pictures") };
+    let more = if names.len() > LISTED { ", ..." } else { "" };
+    (!names.is_empty()).then(|| format!("{} {entries} {are} and left out: {listed}{more}", names.len()))
 }
 
 fn name(path: &Path) -> String {
@@ -141,7 +169,22 @@ impl Source for Folder {
             self.folder.display(),
             self.files.len(),
             self.size,
-            self.ignored
+            self.ignored.len()
         )
+    }
+
+    fn stored(&self) -> Option<Geometry> {
+        Some(self.size)
+    }
+
+    fn times(&self) -> Option<&[u64]> {
+        self.times.as_ref().map(|(_, starts)| starts.as_slice())
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let place = self.folder.display();
+        let gap = gaps::note(&self.files).map(|text| format!("{place}: {text}"));
+        let skipped = skipped(&self.ignored).map(|text| format!("{place}: {text}"));
+        gap.into_iter().chain(skipped).collect()
     }
 }

@@ -217,4 +217,19 @@ pub trait Source: Send {
 
     /// One line for people: what is read, its own size, how many frames.
     fn describe(&self) -> String;
+
+    /// Width and height of the frames as they are stored; `None` when they are drawn at the camera's size.
+    fn stored(&self) -> Option<Geometry> {
+        None
+    }
+
+    /// Nanoseconds of each frame after the first, when the input says and they come at no one rate.
+    fn times(&self) -> Option<&[u64]> {
+        None
+    }
+
+    /// What the user should know of it, one line each: what was left out, what is missing.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
 }

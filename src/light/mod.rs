@@ -15,6 +15,8 @@ pub mod fit;
 pub mod folder;
 mod frame;
 #[cfg(feature = "files")]
+mod gaps;
+#[cfg(feature = "files")]
 pub mod motion;
 pub mod natural;
 #[cfg(feature = "files")]
@@ -24,6 +26,7 @@ pub mod npz;
 mod objects;
 #[cfg(feature = "files")]
 mod open;
+mod pace;
 #[cfg(feature = "files")]
 pub mod picture;
 #[cfg(feature = "files")]
@@ -33,6 +36,8 @@ mod scaled;
 #[cfg(feature = "files")]
 pub mod still;
 mod timeline;
+#[cfg(feature = "files")]
+mod times;
 mod transfer;
 #[cfg(feature = "files")]
 pub mod y4m;
@@ -51,5 +56,8 @@ pub use motion::Motion;
 pub use objects::Objects;
 #[cfg(feature = "files")]
 pub use open::{Moving, Options, open, open_reader};
+pub use pace::{Pace, READOUTS_PER_FRAME};
 pub use timeline::{Insertion, Moment, Rate, Timeline};
+#[cfg(feature = "files")]
+pub use times::NAME as TIMES;
 pub use transfer::{Curve, LUMINANCE, Transfer, luminance, srgb_code};

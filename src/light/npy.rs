@@ -1,4 +1,6 @@
-//! NumPy arrays (`.npy`): `(T, H, W)`, or `(H, W)` for one frame, of u8, u16 or f32.
+//! NumPy arrays (`.npy`): `(T, H, W)`, or `(H, W)` for one frame, of any type of numbers.
+//!
+//! `u8`, `u16`, `bool` and floats have a full scale of their own; other integers need one that is stated.
 //!
 //! Read frame by frame, so memory does not grow with the length. Both byte orders are
 //! read. Bytes after the array are left alone, as NumPy leaves them.
@@ -8,44 +10,14 @@ use std::path::Path;
 
 use crate::error::{Error, Kind, Result};
 use crate::light::{Curve, Fit, Frame, Rate, Samples, Source, Transfer, stored_size};
-use crate::npy::{self, Header};
+use crate::npy::Header;
 use crate::sensor::FrontEnd;
 use crate::spikes::Geometry;
 
-pub use crate::npy::MAGIC;
+pub use crate::npy::{Element, MAGIC};
 
-/// The type of the array's elements.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Element {
-    /// `|u1`
-    U8,
-    /// `<u2`, `>u2`
-    U16,
-    /// `<f4`, `>f4`
-    F32,
-}
-
-impl std::fmt::Display for Element {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::U8 => "u8",
-            Self::U16 => "u16",
-            Self::F32 => "f32",
-        })
-    }
-}
-
-impl Element {
-    /// Bytes of one element.
-    #[must_use]
-    pub const fn bytes(self) -> usize {
-        match self {
-            Self::U8 => 1,
-            Self::U16 => 2,
-            Self::F32 => 4,
-        }
-    }
-}
+/// Floats above this many full scales are codes rather than light.
+const CODES: f32 = 32.0;
 
 /// Frames of an array at their own size, as they are stored.
 pub struct Reader<R: Read> {
@@ -74,7 +46,7 @@ impl<R: Read> Reader<R> {
                 .remedy("save np.ascontiguousarray(a)"));
         }
         let (frames, geometry) = shape(&header.shape, name)?;
-        let element = element(header.element, name)?;
+        let element = header.element;
         Ok(Self {
             name: name.to_owned(),
             reader,
@@ -148,9 +120,15 @@ impl<R: Read> Reader<R> {
                 let order = if self.big_endian { u16::from_be_bytes } else { u16::from_le_bytes };
                 Samples::U16(bytes.as_chunks().0.iter().map(|b| order(*b)).collect())
             }
+            Element::Bool => Samples::U8(bytes.iter().map(|b| if *b == 0 { 0 } else { 255 }).collect()),
             Element::F32 => {
                 let order = if self.big_endian { f32::from_be_bytes } else { f32::from_le_bytes };
                 Samples::F32(bytes.as_chunks().0.iter().map(|b| order(*b)).collect())
+            }
+            other => {
+                let mut values = Vec::with_capacity(self.geometry.pixels());
+                other.for_each(self.big_endian, &bytes, |v| values.push(v as f32));
+                Samples::F32(values)
             }
         }
     }
@@ -173,7 +151,8 @@ fn damaged(name: &str, found: impl std::fmt::Display) -> Error {
 fn shape(shape: &[u64], name: &str) -> Result<(u64, Geometry)> {
     let (frames, rows, cols) = match *shape {
         [rows, cols] => (1, rows, cols),
-        [frames, rows, cols] => (frames, rows, cols),
+        // A channel of length 1 is no axis.
+        [frames, 1, rows, cols] | [frames, rows, cols, 1] | [frames, rows, cols] => (frames, rows, cols),
         _ => {
             return Err(Error::new(Kind::Input, name)
                 .found(format_args!("shape {shape:?}"))
@@ -189,18 +168,6 @@ fn shape(shape: &[u64], name: &str) -> Result<(u64, Geometry)> {
     Ok((frames, stored_size(cols, rows, name)?))
 }
 
-fn element(stored: npy::Element, name: &str) -> Result<Element> {
-    match stored {
-        npy::Element::U8 => Ok(Element::U8),
-        npy::Element::U16 => Ok(Element::U16),
-        npy::Element::F32 => Ok(Element::F32),
-        other => Err(Error::new(Kind::Input, name)
-            .found(format_args!("elements of type {other}"))
-            .expected("u8, u16 or f32")
-            .remedy("save a.astype(np.float32), with full scale at 1.0")),
-    }
-}
-
 /// An array as frames at the camera's size.
 pub struct Array {
     reader: Reader<Box<dyn Read + Send>>,
@@ -208,6 +175,8 @@ pub struct Array {
     front_end: FrontEnd,
     fit: Fit,
     camera: Geometry,
+    /// The stored number that is full scale, when it was stated.
+    scale: Option<f64>,
 }
 
 impl Array {
@@ -234,8 +203,9 @@ impl Array {
     /// Reads a stream; `name` stands for it in errors. Integers are linear unless `transfer` says otherwise.
     ///
     /// # Errors
-    /// As [`Reader::new`]; [`Kind::Usage`] for a transfer function with f32, which is always
-    /// linear; [`Kind::Input`] when [`Fit::Crop`] finds the frames too small.
+    /// As [`Reader::new`]; [`Kind::Usage`] for a transfer function with floats, which are always
+    /// linear; [`Kind::Input`] when [`Fit::Crop`] finds the frames too small. Whether full scale has to be stated is
+    /// found out by [`Array::with_scale`] and when frames are read.
     pub fn from_reader(
         reader: Box<dyn Read + Send>,
         name: &str,
@@ -245,27 +215,87 @@ impl Array {
     ) -> Result<Self> {
         let reader = Reader::new(reader, name)?;
         let transfer = transfer.unwrap_or(Transfer::Linear);
-        if reader.element() == Element::F32 && transfer != Transfer::Linear {
+        if reader.element().is_float() && transfer != Transfer::Linear {
             return Err(Error::new(Kind::Usage, name)
-                .found(format_args!("transfer function {transfer} for an f32 array"))
-                .expected("linear, as f32 always is")
+                .found(format_args!("transfer function {transfer} for an {} array", reader.element()))
+                .expected("linear, as floats always are")
                 .remedy("leave the transfer function out"));
         }
         fit.check(reader.geometry(), camera).map_err(|e| e.within(name))?;
         let front_end = FrontEnd { transfer: Some(transfer), ..FrontEnd::default() };
-        Ok(Self { reader, curve: Curve::new(transfer), front_end, fit, camera })
+        Ok(Self { reader, curve: Curve::new(transfer), front_end, fit, camera, scale: None })
     }
 
     /// Takes integers as the codes of a camera's front end, unless `declared` says another transfer function; floats
     /// stay light.
     #[must_use]
     pub fn with_front_end(mut self, front_end: &FrontEnd, declared: Option<Transfer>) -> Self {
-        if self.reader.element() != Element::F32 {
+        if !self.reader.element().is_float() {
             let transfer = declared.or(front_end.transfer).unwrap_or(Transfer::Linear);
             self.curve = Curve::new(transfer);
             self.front_end = FrontEnd { transfer: Some(transfer), ..*front_end };
         }
         self
+    }
+
+    /// States the stored number that is full scale; without one it is 255, 65535, true or 1.0.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] for a number that is not positive, and for none where the type has no full scale of its own.
+    pub fn with_scale(mut self, scale: Option<f64>) -> Result<Self> {
+        if let Some(scale) = scale.filter(|s| !(s.is_finite() && *s > 0.0)) {
+            return Err(Error::new(Kind::Usage, "--scale")
+                .found(scale)
+                .expected("the number of full scale, above 0"));
+        }
+        self.scale = scale;
+        self.check_scale()?;
+        Ok(self)
+    }
+
+    fn check_scale(&self) -> Result<()> {
+        let element = self.reader.element();
+        let own = element.is_float() || matches!(element, Element::Bool | Element::U8 | Element::U16);
+        if own || self.scale.is_some() {
+            return Ok(());
+        }
+        Err(Error::new(Kind::Usage, &self.reader.name)
+            .found(format_args!("elements of type {element}, which have no full scale of their own"))
+            .expected("the number that is full scale")
+            .remedy("give --scale, such as --scale 255 for codes of 8 bits"))
+    }
+
+    /// Numbers as shares of full scale.
+    fn scaled(&self, samples: Samples, frame: u64) -> Result<Samples> {
+        let Some(scale) = self.scale else {
+            if let Samples::F32(values) = &samples {
+                let most = values.iter().copied().fold(0.0, f32::max);
+                if most > CODES && most.is_finite() {
+                    return Err(Error::new(Kind::Usage, &self.reader.name)
+                        .found(format_args!("the value {most} in frame {frame}"))
+                        .expected("light with full scale at 1.0")
+                        .remedy(
+                            "give --scale 255 if 255 is full scale, or --scale 1 if light is that bright",
+                        ));
+                }
+            }
+            return Ok(samples);
+        };
+        let values: Vec<f64> = match samples {
+            Samples::U8(v) if self.reader.element() == Element::Bool => {
+                v.into_iter().map(|x| f64::from(x) / 255.0).collect()
+            }
+            Samples::U8(v) => v.into_iter().map(f64::from).collect(),
+            Samples::U16(v) => v.into_iter().map(f64::from).collect(),
+            Samples::F32(v) => v.into_iter().map(f64::from).collect(),
+        };
+        let light = |x: f64| match self.curve.transfer() {
+            Transfer::Linear => x,
+            // A code below 0 or not finite stays what it is, and is refused as light.
+            curve if x >= 0.0 => curve.light(x),
+            _ => x,
+        };
+        Ok(Samples::F32(values.into_iter().map(|x| light(x / scale) as f32).collect()))
     }
 
     fn linear(&self, samples: Samples) -> Samples {
@@ -300,7 +330,10 @@ impl Source for Array {
         let Some(samples) = self.reader.next_samples()? else {
             return Ok(false);
         };
-        let frame = Frame::new(self.reader.geometry(), self.linear(samples))
+        self.check_scale()?;
+        let scaled = self.scaled(samples, index)?;
+        let light = if self.scale.is_some() { scaled } else { self.linear(scaled) };
+        let frame = Frame::new(self.reader.geometry(), light)
             .map_err(|e| e.within(format_args!("{}: frame {index}", self.reader.name)))?;
         *into = self.fit.apply(frame, self.camera)?;
         Ok(true)
@@ -316,6 +349,11 @@ impl Source for Array {
 
     fn describe(&self) -> String {
         let r = &self.reader;
-        format!("{}: {} frames of {}, {}", r.name, r.frames, r.geometry, r.element)
+        let scale = self.scale.map_or(String::new(), |s| format!(", full scale at {s}"));
+        format!("{}: {} frames of {}, {}{scale}", r.name, r.frames, r.geometry, r.element)
+    }
+
+    fn stored(&self) -> Option<Geometry> {
+        Some(self.reader.geometry())
     }
 }

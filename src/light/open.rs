@@ -22,7 +22,7 @@ const VIDEO: [&str; 16] = [
     "mxf",
 ];
 
-const SUPPORTED: &str = "a folder of images, a PNG, JPEG, TIFF or EXR image, .npy, .npz, .y4m, \
+const SUPPORTED: &str = "a folder of images, a PNG, JPEG, TIFF, EXR, BMP, PNM or WEBP image, .npy, .npz, .y4m, \
                          a video that ffmpeg knows by its ending, or - for y4m or npy on standard input";
 
 /// How an input is read.
@@ -39,6 +39,8 @@ pub struct Options {
     pub transfer: Option<Transfer>,
     /// A motion over a single image.
     pub moving: Option<Moving>,
+    /// The number in an array that is full scale; `None` for 255, 65535, true or 1.0.
+    pub scale: Option<f64>,
 }
 
 impl Options {
@@ -46,7 +48,7 @@ impl Options {
     #[must_use]
     pub fn new(camera: Geometry) -> Self {
         let front_end = FrontEnd::default();
-        Self { camera, fit: Fit::Resize, front_end, transfer: None, moving: None }
+        Self { camera, fit: Fit::Resize, front_end, transfer: None, moving: None, scale: None }
     }
 
     /// The size and the front end of `camera`, everything else by default.
@@ -85,6 +87,10 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Source>> {
 
 fn by_kind(path: &Path, options: &Options) -> Result<Box<dyn Source>> {
     let (camera, fit, linear) = (options.camera, options.fit, options.linear());
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    if options.scale.is_some() && !matches!(ending.as_deref(), Some("npy" | "npz")) {
+        return Err(no_scale(&path.display()));
+    }
     let about = std::fs::metadata(path).map_err(|e| Error::io(path.display(), e))?;
     if picture::is_picture(path) && !about.is_dir() {
         return Ok(Box::new(match options.moving {
@@ -99,10 +105,9 @@ fn by_kind(path: &Path, options: &Options) -> Result<Box<dyn Source>> {
     if about.is_dir() {
         return Ok(Box::new(Folder::open(path, camera, fit, linear)?));
     }
-    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     match ending.as_deref() {
-        Some("npy") => Ok(coded(Array::open(path, camera, fit, options.transfer)?, options)),
-        Some("npz") => Ok(coded(npz::open(path, camera, fit, options.transfer)?, options)),
+        Some("npy") => coded(Array::open(path, camera, fit, options.transfer)?, options),
+        Some("npz") => coded(npz::open(path, camera, fit, options.transfer)?, options),
         Some("y4m") => Ok(Box::new(Video::open(path, camera, fit, linear)?)),
         Some(e) if VIDEO.contains(&e) => Ok(Box::new(Decoded::open(path, camera, fit, linear)?)),
         _ => Err(Error::new(Kind::Usage, path.display())
@@ -125,7 +130,10 @@ pub fn open_reader(reader: Box<dyn Read + Send>, name: &str, options: &Options) 
     let first = reader.fill_buf().map_err(|e| Error::io(name, e))?.first().copied();
     if first == npy::MAGIC.first().copied() {
         let array = Array::from_reader(Box::new(reader), name, camera, fit, options.transfer)?;
-        return Ok(scaled(coded(array, options)));
+        return Ok(scaled(coded(array, options)?));
+    }
+    if options.scale.is_some() {
+        return Err(no_scale(&name));
     }
     if first == y4m::MAGIC.first().copied() {
         let video = Video::from_reader(Box::new(reader), name, camera, fit, options.linear())?;
@@ -137,8 +145,16 @@ pub fn open_reader(reader: Box<dyn Read + Send>, name: &str, options: &Options) 
         .remedy("pipe a video through ffmpeg -i FILE -pix_fmt yuv444p -f yuv4mpegpipe -"))
 }
 
-fn coded(array: Array, options: &Options) -> Box<dyn Source> {
-    Box::new(array.with_front_end(&options.front_end, options.transfer))
+fn coded(array: Array, options: &Options) -> Result<Box<dyn Source>> {
+    let array = array.with_front_end(&options.front_end, options.transfer);
+    Ok(Box::new(array.with_scale(options.scale)?))
+}
+
+fn no_scale(name: &dyn std::fmt::Display) -> Error {
+    Error::new(Kind::Usage, name)
+        .found("a number of full scale for what is no array")
+        .expected("none: pictures and video have their own, the greatest code")
+        .remedy("leave --scale out")
 }
 
 fn no_motion(name: impl std::fmt::Display, options: &Options) -> Result<()> {

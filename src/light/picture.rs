@@ -16,7 +16,8 @@ use crate::sensor::FrontEnd;
 use crate::spikes::Geometry;
 
 /// File name endings that are taken for images.
-pub const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "tif", "tiff", "exr"];
+pub const EXTENSIONS: [&str; 12] =
+    ["png", "jpg", "jpeg", "tif", "tiff", "exr", "bmp", "pgm", "ppm", "pnm", "pbm", "webp"];
 
 /// How codes become light: one curve for integers, one for floats, and how colour becomes grey.
 #[derive(Debug)]
@@ -167,7 +168,7 @@ fn undecodable(path: &Path, error: ImageError) -> Error {
         }
         other => Error::new(Kind::Input, path.display())
             .found(other)
-            .expected("a whole PNG, JPEG, TIFF or EXR image")
+            .expected("a whole PNG, JPEG, TIFF, EXR, BMP, PNM or WEBP image")
             .remedy("open it in a viewer to see whether it is damaged"),
     }
 }

@@ -8,8 +8,29 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use crate::error::{Error, Kind, Result};
-use crate::light::Rate;
+use crate::light::times;
 use crate::light::yuv::{Known, Matrix};
+
+/// Packets that become frames: those that are only decoded for others to be have the flag of being discarded.
+fn shown(packets: &str) -> u64 {
+    let flags = packets.lines().filter_map(|line| line.trim().strip_prefix("flags="));
+    flags.filter(|flags| !flags.contains('D')).count() as u64
+}
+
+/// Times of frames from the packets of a stream, when they come at no one rate; `None` too where times are missing.
+fn uneven(text: &str) -> Option<Vec<u64>> {
+    let (mut times, mut time) = (Vec::new(), None);
+    for (key, value) in text.lines().filter_map(|line| line.trim().split_once('=')) {
+        match key {
+            "pts_time" => time = Some(value.parse::<f64>().ok()?),
+            "flags" if !value.contains('D') => times.push(time?),
+            _ => {}
+        }
+    }
+    times.sort_by(f64::total_cmp);
+    let starts = times::nanoseconds(&times).ok()?;
+    (starts.len() > 1 && !times::are_even(&starts)).then_some(starts)
+}
 
 /// How the samples of a pixel format lie, and their bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,10 +44,13 @@ enum Family {
 /// The first video stream of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Probe {
+    /// Nanoseconds of each frame after the first, where they come at no one rate.
+    pub times: Option<Vec<u64>>,
     pixels: String,
     full: Option<bool>,
     matrix: Option<Matrix>,
-    frames: Option<u64>,
+    /// How many frames its packets announce.
+    pub frames: Option<u64>,
 }
 
 impl Probe {
@@ -36,6 +60,16 @@ impl Probe {
     /// [`Kind::Tool`] when it is missing, cannot read the file or finds no video, [`Kind::Input`] when the matrix is
     /// none that is known here.
     pub fn of(path: &Path, program: &str) -> Result<Self> {
+        let text = Self::ask(path, program, "stream=pix_fmt,color_range,color_space")?;
+        let mut probe = Self::parse(&text).map_err(|e| e.within(path.display()))?;
+        let packets = Self::ask(path, program, "packet=pts_time,flags")?;
+        probe.times = uneven(&packets);
+        probe.frames = Some(shown(&packets));
+        Ok(probe)
+    }
+
+    /// The `key=value` lines of these entries of the first video stream.
+    fn ask(path: &Path, program: &str, entries: &str) -> Result<String> {
         let name = path.display();
         let mut input = std::ffi::OsString::from("file:");
         input.push(path);
@@ -45,7 +79,7 @@ impl Probe {
         };
         let ran = Command::new(&probe)
             .args(["-v", "error", "-select_streams", "v:0", "-of", "default=noprint_wrappers=1"])
-            .args(["-show_entries", "stream=pix_fmt,color_range,color_space,nb_frames,duration,r_frame_rate"])
+            .args(["-show_entries", entries])
             .arg(input)
             .stdin(Stdio::null())
             .output()
@@ -57,7 +91,7 @@ impl Probe {
                 .expected("a video that ffmpeg can decode")
                 .remedy("try to play it with ffplay"));
         }
-        Self::parse(&String::from_utf8_lossy(&ran.stdout)).map_err(|e| e.within(name))
+        Ok(String::from_utf8_lossy(&ran.stdout).into_owned())
     }
 
     /// Reads `key=value` lines.
@@ -92,14 +126,7 @@ impl Probe {
                     .remedy("convert it to RGB first, with a program that knows this matrix"));
             }
         };
-        let frames = value("nb_frames").and_then(|n| n.parse().ok());
-        let frames = frames.or_else(|| by_duration(&value("duration")?, &value("r_frame_rate")?));
-        Ok(Self { pixels, full, matrix, frames })
-    }
-
-    /// How many frames the container says it has, or its duration and rate say.
-    pub const fn frames(&self) -> Option<u64> {
-        self.frames
+        Ok(Self { times: None, pixels, full, matrix, frames: None })
     }
 
     /// Filters after which frames are planes that y4m holds, with the values of the file.
@@ -140,13 +167,6 @@ impl Probe {
             _ => Known { matrix: self.matrix, full: Some(self.is_full()) },
         }
     }
-}
-
-/// Frames in `duration` seconds at a rate such as `30000/1001`.
-fn by_duration(duration: &str, rate: &str) -> Option<u64> {
-    let (seconds, rate): (f64, Rate) = (duration.parse().ok()?, rate.parse().ok()?);
-    let frames = (seconds * rate.hz()).round();
-    (frames.is_finite() && frames >= 1.0).then_some(frames as u64)
 }
 
 /// ffmpeg's name of a planar format.
@@ -219,6 +239,21 @@ mod tests {
         for (name, wanted) in known {
             assert_eq!(family(name), wanted, "{name}");
         }
+    }
+
+    #[test]
+    fn times_of_packets_in_the_order_of_decoding_are_sorted() {
+        let packets = |times: &[&str]| {
+            let line = |t: &&str| format!("pts_time={t}\nflags=K__\n");
+            times.iter().map(line).collect::<String>()
+        };
+        assert_eq!(
+            uneven(&packets(&["0.0", "0.1", "0.04", "0.3"])),
+            Some(vec![0, 40_000_000, 100_000_000, 300_000_000])
+        );
+        assert_eq!(uneven(&packets(&["0.0", "0.08", "0.04", "0.12"])), None);
+        assert_eq!(uneven(&packets(&["0.0", "N/A", "0.04"])), None);
+        assert_eq!(uneven("pts_time=-0.5\nflags=KD_\npts_time=0.0\nflags=K__\n"), None);
     }
 
     #[test]

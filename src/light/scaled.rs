@@ -63,4 +63,16 @@ impl Source for Scaled {
     fn describe(&self) -> String {
         self.source.describe()
     }
+
+    fn stored(&self) -> Option<Geometry> {
+        self.source.stored()
+    }
+
+    fn times(&self) -> Option<&[u64]> {
+        self.source.times()
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.source.notes()
+    }
 }

@@ -89,6 +89,10 @@ impl Source for Still {
         Ok(true)
     }
 
+    fn stored(&self) -> Option<Geometry> {
+        Some(self.size)
+    }
+
     fn rate(&self) -> Option<Rate> {
         self.moving.as_ref().map(|m| m.rate)
     }

@@ -6,6 +6,7 @@
 //! video is. (Floats go wrong after about a minute of 30000/1001 at 40 kHz.)
 
 use std::str::FromStr;
+use std::sync::Arc;
 
 use crate::error::{Error, Kind, Result};
 
@@ -152,19 +153,21 @@ impl Moment {
     }
 }
 
-/// Maps readouts to frames: readout `i` is at frame position `i * num / den`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Maps readouts to frames: readout `i` is at frame position `i * num / den`, or where the times of the frames say.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Timeline {
     num: u64,
     den: u64,
     insertion: Insertion,
+    /// Nanoseconds of each frame after the first; readout `i` is then at `i * num / den` nanoseconds.
+    starts: Option<Arc<[u64]>>,
 }
 
 impl Timeline {
     /// The first frame for every readout, however many.
     #[must_use]
     pub const fn still() -> Self {
-        Self { num: 0, den: 1, insertion: Insertion::Hold }
+        Self { num: 0, den: 1, insertion: Insertion::Hold, starts: None }
     }
 
     /// Each frame for `readouts` readouts.
@@ -175,7 +178,7 @@ impl Timeline {
         if readouts == 0 {
             return Err(Error::new(Kind::Usage, "readouts per frame").found(0).expected("at least 1"));
         }
-        Ok(Self { num: 1, den: readouts, insertion })
+        Ok(Self { num: 1, den: readouts, insertion, starts: None })
     }
 
     /// Frames at `source` per second, readouts at `readout` per second. A
@@ -188,12 +191,61 @@ impl Timeline {
         let den = u128::from(source.den) * u128::from(readout.num);
         let g = gcd128(num, den);
         match (u64::try_from(num / g), u64::try_from(den / g)) {
-            (Ok(num), Ok(den)) => Ok(Self { num, den, insertion }),
+            (Ok(num), Ok(den)) => Ok(Self { num, den, insertion, starts: None }),
             _ => Err(Error::new(Kind::Usage, "frame and readout rates")
                 .found(format_args!("{source} and {readout} per second"))
                 .expected("a ratio of two 64-bit numbers")
                 .remedy("round one of them")),
         }
+    }
+
+    /// Frame `k` at `starts[k]` nanoseconds, readouts at `readout` per second, both from 0 on. The last frame lasts as
+    /// long as the one before it.
+    ///
+    /// # Errors
+    /// [`Kind::Input`] for fewer than two frames, times that do not begin at 0 and rise, or beyond 11 days.
+    pub fn times(starts: &[u64], readout: Rate, insertion: Insertion) -> Result<Self> {
+        const MOST: u64 = 1_000_000_000_000_000;
+        let rises = starts.windows(2).all(|w| w[0] < w[1]);
+        if starts.len() < 2 || starts[0] != 0 || !rises || starts[starts.len() - 1] > MOST {
+            return Err(Error::new(Kind::Input, "times of frames")
+                .found(format_args!("{} times", starts.len()))
+                .expected("two or more that rise from 0, at most 11 days"));
+        }
+        let ratio = Self::rates(Rate::new(1_000_000_000, 1)?, readout, insertion)?;
+        Ok(Self { starts: Some(starts.into()), ..ratio })
+    }
+
+    /// The time of frame `frame` in nanoseconds; frames beyond the last go on as the last two did.
+    fn start(starts: &[u64], frame: u64) -> u128 {
+        let last = starts.len() - 1;
+        let index = usize::try_from(frame).unwrap_or(usize::MAX);
+        match starts.get(index) {
+            Some(&start) => start.into(),
+            None => {
+                let gap = u128::from(starts[last] - starts[last - 1]);
+                u128::from(starts[last]) + u128::from(frame - last as u64) * gap
+            }
+        }
+    }
+
+    /// As [`Timeline::at`], of frames that come when they come.
+    fn at_time(&self, starts: &[u64], readout: u64) -> Moment {
+        let (time, den) = (u128::from(readout) * u128::from(self.num), u128::from(self.den));
+        let last = starts.len() as u64 - 1;
+        let mut frame = starts.partition_point(|&s| u128::from(s) * den <= time) as u64 - 1;
+        if frame == last {
+            let gap = u128::from(starts[last as usize] - starts[last as usize - 1]) * den;
+            frame += u64::try_from((time - u128::from(starts[last as usize]) * den) / gap)
+                .unwrap_or(u64::MAX - last);
+        }
+        let from = Self::start(starts, frame) * den;
+        let (mut part, mut of) = (time - from, Self::start(starts, frame.saturating_add(1)) * den - from);
+        while of > u128::from(u64::MAX) {
+            (part, of) = (part >> 1, of >> 1);
+        }
+        let part = if self.insertion == Insertion::Hold { 0 } else { part as u64 };
+        Moment { frame, part, of: (of as u64).max(1) }
     }
 
     /// How frames are filled in.
@@ -208,6 +260,9 @@ impl Timeline {
     /// and [`Timeline::at_end`].
     #[must_use]
     pub fn at(&self, readout: u64) -> Moment {
+        if let Some(starts) = &self.starts {
+            return self.at_time(starts, readout);
+        }
         let position = u128::from(readout) * u128::from(self.num);
         let den = u128::from(self.den);
         // Beyond 2^64 frames the last one stays; nothing is that long.
@@ -228,7 +283,7 @@ impl Timeline {
             Error::new(Kind::Input, "frames of light").found("none").expected("at least one frame")
         })?;
         let moment = self.at(readout);
-        Ok(if moment.frame >= last { Moment { frame: last, part: 0, of: self.den } } else { moment })
+        Ok(if moment.frame >= last { Moment { frame: last, part: 0, of: moment.of } } else { moment })
     }
 
     /// The first readout at or after `frame`; `None` when it never comes
@@ -240,6 +295,10 @@ impl Timeline {
         }
         if self.num == 0 {
             return None;
+        }
+        if let Some(starts) = &self.starts {
+            let at = (Self::start(starts, frame) * u128::from(self.den)).div_ceil(u128::from(self.num));
+            return u64::try_from(at).ok();
         }
         let at = (u128::from(frame) * u128::from(self.den)).div_ceil(u128::from(self.num));
         u64::try_from(at).ok()

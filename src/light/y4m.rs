@@ -326,6 +326,10 @@ impl Source for Video {
         self.camera
     }
 
+    fn stored(&self) -> Option<Geometry> {
+        Some(self.reader.geometry())
+    }
+
     fn frames(&self) -> Option<u64> {
         self.frames
     }

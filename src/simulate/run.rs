@@ -190,7 +190,7 @@ pub fn run_looking(
         simulators.push(simulator(job, plan)?);
     }
     let limit = total.or(job.readouts).unwrap_or(u64::MAX);
-    let mut feeder = Feeder::new(source, first, job.timeline, limit, greatest_light);
+    let mut feeder = Feeder::new(source, first, job.timeline.clone(), limit, greatest_light);
     let start = Instant::now();
     let (glance, waited, kernel) = writing::write(&mut streams, job.threads > 1, |writing| {
         simulate(&mut feeder, &mut simulators, writing, looks, (total, total.or(job.readouts)), watch)

@@ -4,11 +4,11 @@
 //! the top row, which makes a frame the same bytes as in memory. A frame is padded to
 //! whole bytes with zero bits at its end, as SCSim's writer does; see `docs/formats.md`.
 
-use crate::formats::bits::{clear_padding, copy_bits};
+use super::bits::{clear_padding, copy_bits};
 use crate::spikes::Geometry;
 
 /// Reverses the order of rows; its own inverse, so it encodes and decodes.
-pub(super) fn flip(geometry: Geometry, from: &[u8], to: &mut [u8]) {
+pub(crate) fn flip(geometry: Geometry, from: &[u8], to: &mut [u8]) {
     let (width, height) = (geometry.width(), geometry.height());
     match width {
         // The two cameras that exist: a length known to the compiler makes a
@@ -39,7 +39,7 @@ fn flip_rows<const N: usize>(from: &[u8], to: &mut [u8]) {
 }
 
 /// Top row first: the bytes of memory, with padding that is surely zero.
-pub(super) fn copy(geometry: Geometry, from: &[u8], to: &mut [u8]) {
+pub(crate) fn copy(geometry: Geometry, from: &[u8], to: &mut [u8]) {
     to.copy_from_slice(from);
     clear_padding(to, geometry.pixels());
 }

@@ -12,9 +12,9 @@ const PIXELS: usize = 50;
 /// Bytes of a row in the file.
 const ROW: usize = 52;
 /// Bytes of a frame in the file.
-pub(super) const FRAME: usize = ROWS * ROW;
+pub(crate) const FRAME: usize = ROWS * ROW;
 
-pub(super) fn encode(packed: &[u8], file: &mut [u8]) {
+pub(crate) fn encode(packed: &[u8], file: &mut [u8]) {
     let rows = packed.as_chunks::<PIXELS>().0.iter().rev();
     for (pixels, row) in rows.zip(file.as_chunks_mut::<ROW>().0) {
         row[..PIXELS].copy_from_slice(pixels);
@@ -22,7 +22,7 @@ pub(super) fn encode(packed: &[u8], file: &mut [u8]) {
     }
 }
 
-pub(super) fn decode(file: &[u8], packed: &mut [u8]) {
+pub(crate) fn decode(file: &[u8], packed: &mut [u8]) {
     let rows = file.as_chunks::<ROW>().0.iter().rev();
     for (row, pixels) in rows.zip(packed.as_chunks_mut::<PIXELS>().0) {
         pixels.copy_from_slice(&row[..PIXELS]);

@@ -5,7 +5,7 @@
 ///
 /// First to a whole byte of the destination, then whole words of it, each from a load, the
 /// byte behind it and a shift (a loop the compiler vectorises), then what is left.
-pub(super) fn copy_bits(to: &mut [u8], to_bit: usize, from: &[u8], from_bit: usize, n: usize) {
+pub(crate) fn copy_bits(to: &mut [u8], to_bit: usize, from: &[u8], from_bit: usize, n: usize) {
     let (mut t, mut f, end) = (to_bit, from_bit, to_bit + n);
     if !t.is_multiple_of(8) && t < end {
         let m = (8 - t % 8).min(end - t);
@@ -67,7 +67,7 @@ fn put(to: &mut [u8], bit: usize, value: u8, m: usize) {
 }
 
 /// Zeroes the bits of the last byte of a packed frame that are no pixel.
-pub(super) fn clear_padding(frame: &mut [u8], pixels: usize) {
+pub(crate) fn clear_padding(frame: &mut [u8], pixels: usize) {
     if let (Some(last), rest @ 1..) = (frame.last_mut(), pixels % 8) {
         *last &= 0xff >> (8 - rest);
     }

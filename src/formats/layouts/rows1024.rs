@@ -8,7 +8,7 @@
 //! 2 and 3, the simplest order that meets both ends and uses each tag once. Readers,
 //! SpikeCV's and this one, do not depend on it.
 
-use crate::formats::bits::copy_bits;
+use super::copy_bits;
 
 /// Rows of a frame, and pixels of a row.
 const SIDE: usize = 1000;
@@ -19,7 +19,7 @@ const HALF: usize = 64;
 /// Bytes of a row of pixels in memory.
 const ROW: usize = SIDE / 8;
 /// Bytes of a frame in the file.
-pub(super) const FRAME: usize = SIDE * 2 * HALF;
+pub(crate) const FRAME: usize = SIDE * 2 * HALF;
 
 /// Where a frame can begin: the camera's link moves 16 bytes at a time, and SpikeCV
 /// looks for the first tag in such steps.
@@ -43,7 +43,7 @@ fn tag_of(row: usize, half: usize) -> u16 {
 }
 
 /// Whether a frame's worth of bytes begins and ends as a frame does.
-pub(super) fn is_framed(file: &[u8]) -> bool {
+pub(crate) fn is_framed(file: &[u8]) -> bool {
     tag(&file[..HALF]) == (500, 0) && tag(&file[FRAME - HALF..]) == (500, 3)
 }
 
@@ -53,13 +53,48 @@ fn is_frame(file: &[u8]) -> bool {
     is_framed(file) && file.chunks_exact(HALF).all(|h| (1..=500).contains(&tag(h).0))
 }
 
-/// The offset of the first whole frame.
-pub(super) fn synchronise(bytes: &[u8]) -> Option<usize> {
+/// The offset of the first whole frame, which lies in steps of the link unless bytes were lost before it.
+fn synchronise(bytes: &[u8]) -> Option<usize> {
     let last = bytes.len().checked_sub(FRAME)?.min(SEARCH);
-    (0..=last).step_by(STEP).find(|&at| is_frame(&bytes[at..at + FRAME]))
+    let frame_at = |at: &usize| is_frame(&bytes[*at..*at + FRAME]);
+    (0..=last).step_by(STEP).find(frame_at).or_else(|| (0..=last).find(frame_at))
 }
 
-pub(super) fn encode(packed: &[u8], file: &mut [u8]) {
+/// Where the frames of a recording lie.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Found {
+    /// The offset of each frame; `None` where one was lost.
+    pub(crate) frames: Vec<Option<usize>>,
+    /// Bytes of partial frames before the first and behind the last one.
+    pub(crate) leading: usize,
+    pub(crate) trailing: usize,
+}
+
+/// Finds all frames. Where one does not follow the other the next whole frame is looked for, at any byte; what
+/// lies between counts as the frames that it would take to hold its bytes, so a loss of whole frames leaves no trace.
+pub(crate) fn find(bytes: &[u8]) -> Option<Found> {
+    let leading = synchronise(bytes)?;
+    let (mut frames, mut at) = (Vec::new(), leading);
+    while bytes.len() - at >= FRAME {
+        if is_framed(&bytes[at..at + FRAME]) {
+            frames.push(Some(at));
+            at += FRAME;
+            continue;
+        }
+        // Pixels may look like a last tag where bytes are missing before it.
+        if frames.last().copied().flatten().is_some_and(|f| !is_frame(&bytes[f..f + FRAME])) {
+            at -= FRAME;
+            frames.pop();
+        }
+        let next = (at + 1..=bytes.len() - FRAME).find(|&next| is_frame(&bytes[next..next + FRAME]));
+        let lost = next.map_or((bytes.len() - at) / FRAME, |next| (next - at).div_ceil(FRAME));
+        frames.extend(std::iter::repeat_n(None, lost));
+        at = next.unwrap_or(at + lost * FRAME);
+    }
+    Some(Found { frames, leading, trailing: bytes.len() - at })
+}
+
+pub(crate) fn encode(packed: &[u8], file: &mut [u8]) {
     let rows = packed.chunks_exact(ROW).zip(file.chunks_exact_mut(2 * HALF));
     for (row, (pixels, out)) in rows.enumerate() {
         for (half, out) in out.chunks_exact_mut(HALF).enumerate() {
@@ -71,7 +106,7 @@ pub(super) fn encode(packed: &[u8], file: &mut [u8]) {
     }
 }
 
-pub(super) fn decode(file: &[u8], packed: &mut [u8]) {
+pub(crate) fn decode(file: &[u8], packed: &mut [u8]) {
     let rows = file.chunks_exact(2 * HALF).zip(packed.chunks_exact_mut(ROW));
     for (row, pixels) in rows {
         copy_bits(pixels, 0, row, 0, HALF_PIXELS);

@@ -1,0 +1,275 @@
+//! What else a stream without a header could be, judged by its picture.
+//!
+//! A wrong size or layout fits the length of many files, and shows noise. In a picture a row continues the one
+//! above: the rate map correlates with its lower neighbour, by 0.9 and more in most scenes under the right
+//! reading, by 0.3 and less under a wrong one. Flat and dark recordings have no such sign; so readings are
+//! compared with each other, and one is accused only when another is clearly better.
+
+use std::borrow::Cow;
+
+use crate::error::{Error, Kind, Result};
+use crate::formats::layouts::{self, Axes};
+use crate::formats::reader::Place;
+use crate::formats::{Codec, Layout, Reader, size};
+use crate::spikes::Geometry;
+
+mod map;
+
+use map::{Bits, Map};
+
+/// Readouts that are looked at, from the middle of the stream.
+const READOUTS: usize = 64;
+
+/// A correlation below this is no sign of a picture.
+const LEAST: f64 = 0.2;
+
+/// Standard errors of a correlation of chance that one has to exceed.
+const BEYOND_CHANCE: f64 = 6.0;
+
+/// Other readings that are listed.
+const LISTED: usize = 3;
+
+/// Bytes of an array whose other order of axes is looked at: that takes a walk through all of it.
+const MAX_TURNED: usize = 256 << 20;
+
+/// One way to read a file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// Layout.
+    pub layout: Layout,
+    /// Width and height.
+    pub geometry: Geometry,
+    /// Whole readouts.
+    pub readouts: usize,
+    /// Correlation of the rate map with its lower neighbour; `None` where nothing varies.
+    pub rows: Option<f64>,
+    /// Correlation of the rate map across the edges of bytes; `None` where nothing varies, or bytes are no
+    /// eight pixels.
+    pub bytes: Option<f64>,
+}
+
+/// The reading that was asked for, and others that the file could have.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Readings {
+    /// As the stream was opened.
+    pub given: Reading,
+    /// The best others, by falling correlation of rows.
+    pub others: Vec<Reading>,
+    /// The other that the picture fits while it does not fit the given one.
+    pub better: Option<Reading>,
+}
+
+impl Readings {
+    /// The accusation in words, and what to give instead; `None` when there is none.
+    #[must_use]
+    pub fn warning(&self) -> Option<String> {
+        let (given, better) = (&self.given, self.better.as_ref()?);
+        let as_text = |r: &Reading| format!("{} in layout {}", r.geometry, r.layout);
+        let what = |found: Option<f64>| found.map_or("not measurable".to_owned(), |c| format!("{c:.2}"));
+        let mut flags = Vec::new();
+        if better.geometry != given.geometry {
+            flags.push(format!("--width {} --height {}", better.geometry.width(), better.geometry.height()));
+        }
+        if better.layout != given.layout {
+            flags.push(format!("--layout {}", better.layout));
+        }
+        let (sign, here, there) = if better.bytes.is_some() {
+            ("pixels do not continue from byte to byte", given.bytes, better.bytes)
+        } else {
+            ("rows do not continue each other", given.rows, better.rows)
+        };
+        Some(format!(
+            "read as {} this does not look like a picture: {sign} (correlation {}); as {} they do ({}): give {}",
+            as_text(given),
+            what(here),
+            as_text(better),
+            what(there),
+            flags.join(" ")
+        ))
+    }
+}
+
+impl Reader {
+    /// Compares the way this stream is read with others that its bytes allow, by 64 readouts from its middle.
+    #[must_use]
+    pub fn readings(&self) -> Readings {
+        let map = self.map();
+        let rows = map.rows();
+        let given = Reading {
+            layout: self.layout(),
+            geometry: self.geometry(),
+            readouts: self.readouts(),
+            rows,
+            bytes: None,
+        };
+        let mut found: Vec<(Reading, bool)> = Vec::new();
+        if self.is_headerless() {
+            self.shapes(&map, &mut found);
+            self.cameras(&given, &mut found);
+        } else if self.layout() == Layout::NpyBytes {
+            found.extend(self.turned(&given));
+        }
+        found.sort_by(|a, b| b.0.rows.unwrap_or(-1.0).total_cmp(&a.0.rows.unwrap_or(-1.0)));
+        let accused = |(reading, peak): &&(Reading, bool)| {
+            let c = reading.rows.unwrap_or(0.0);
+            let chance = BEYOND_CHANCE / (reading.geometry.pixels() as f64).sqrt();
+            *peak && c >= LEAST && c > chance && rows.unwrap_or(0.0) < c / 2.0
+        };
+        let mut better = found.iter().find(accused).map(|(reading, _)| *reading);
+        let (given, turned) = self.bit_orders(given, &map);
+        if better.is_none() {
+            better = turned;
+        }
+        let others = found.into_iter().map(|(reading, _)| reading).take(LISTED);
+        Readings { given, others: others.chain(turned).collect(), better }
+    }
+
+    fn is_headerless(&self) -> bool {
+        !self.layout().is_array()
+    }
+
+    /// Up to 64 frames from the middle, as the file has them.
+    fn sample(&self) -> impl Iterator<Item = Cow<'_, [u8]>> {
+        let count = READOUTS.min(self.readouts());
+        let first = (self.readouts() - count) / 2;
+        (first..first + count).filter_map(|i| self.frame(i)).map(|frame| ordered(self.layout(), frame))
+    }
+
+    /// The rate map of the sample.
+    fn map(&self) -> Map {
+        let (codec, geometry) = (self.codec(), self.geometry());
+        if self.layout() == Layout::NpyBytes && codec.layout() == Layout::NpyBytes {
+            let mut counts = vec![0; geometry.pixels()];
+            for frame in self.sample() {
+                counts.iter_mut().zip(frame.iter()).for_each(|(n, b)| *n += u8::from(*b != 0));
+            }
+            return Map::plain(counts, geometry.width());
+        }
+        Map::of(codec, Bits::count(self.sample(), codec.frame_bytes()))
+    }
+
+    /// The same frames with other sides.
+    fn shapes(&self, map: &Map, found: &mut Vec<(Reading, bool)>) {
+        let geometry = self.geometry();
+        let (pixels, width) = (geometry.pixels(), geometry.width());
+        if matches!(self.layout(), Layout::Rows416 | Layout::Rows1024) {
+            return;
+        }
+        // Every second row is a neighbour too, and a texture that alternates would look better so.
+        let shapes = (2..=pixels / 2).filter(|w| pixels.is_multiple_of(*w) && !w.is_multiple_of(width));
+        for width in shapes.filter(|w| (8..=4096).contains(w) || *w == geometry.height()) {
+            let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+            let Ok(geometry) = Geometry::new(side(width), side(pixels / width)) else { continue };
+            let rows = map.correlation(width);
+            let reading =
+                Reading { layout: self.layout(), geometry, readouts: self.readouts(), rows, bytes: None };
+            let peak = rows.is_some_and(|c| c >= LEAST && map.is_peak(width, c));
+            found.push((reading, peak));
+        }
+    }
+
+    /// The cameras whose frames have other lengths.
+    fn cameras(&self, given: &Reading, found: &mut Vec<(Reading, bool)>) {
+        for (width, height, layout) in size::KNOWN {
+            let Ok(geometry) = Geometry::new(width, height) else { continue };
+            let Ok(codec) = Codec::new(layout, geometry) else { continue };
+            let same = codec.frame_bytes() == self.codec().frame_bytes();
+            if (layout, geometry) == (given.layout, given.geometry) || same {
+                continue;
+            }
+            let bytes = &self.source[..];
+            let (place, readouts) = if layout == Layout::Rows1024 {
+                let head = &bytes[..bytes.len().min(4 * codec.frame_bytes())];
+                let Some(start) = layouts::find_rows1024(head).map(|f| f.leading) else { continue };
+                (start, (bytes.len() - start) / codec.frame_bytes())
+            } else {
+                (0, bytes.len() / codec.frame_bytes())
+            };
+            let count = READOUTS.min(readouts);
+            let start = place + (readouts - count) / 2 * codec.frame_bytes();
+            let frames = bytes[start..].chunks_exact(codec.frame_bytes()).take(count);
+            if count == 0 {
+                continue;
+            }
+            let map = Map::of(codec, Bits::count(frames.map(Cow::Borrowed), codec.frame_bytes()));
+            let rows = map.rows();
+            let peak = rows.is_some_and(|c| c >= LEAST && map.is_peak(map.stride, c));
+            found.push((Reading { layout, geometry, readouts, rows, bytes: None }, peak));
+        }
+    }
+
+    /// An array whose readouts lie along its last axis.
+    fn turned(&self, given: &Reading) -> Option<(Reading, bool)> {
+        let (a, b, c) = (self.readouts(), self.geometry().height(), self.geometry().width());
+        let Place::Even(start) = self.place else { return None };
+        let data = self.source.get(start..start + a.checked_mul(b)?.checked_mul(c)?)?;
+        if self.codec().layout() != Layout::NpyBytes || data.len() > MAX_TURNED {
+            return None;
+        }
+        let (readouts, geometry) = Axes::Last.meaning([a as u64, b as u64, c as u64])?;
+        let count = READOUTS.min(c);
+        let first = (c - count) / 2;
+        let spikes = |times: &[u8]| times[first..first + count].iter().filter(|v| **v != 0).count() as u8;
+        let map = Map::plain(data.chunks_exact(c).map(spikes).collect(), b);
+        let rows = map.rows();
+        let peak = rows.is_some_and(|c| c >= LEAST && map.is_peak(b, c));
+        Some((Reading { geometry, readouts: readouts as usize, rows, ..*given }, peak))
+    }
+
+    /// The same frames with the bits of each byte the other way round, where the picture says so.
+    fn bit_orders(&self, given: Reading, map: &Map) -> (Reading, Option<Reading>) {
+        let Some(layout) = self.layout().other_bit_order() else { return (given, None) };
+        let seams = map.seams();
+        let given = Reading { bytes: seams.here, ..given };
+        (given, seams.turned().map(|c| Reading { layout, bytes: Some(c), ..given }))
+    }
+}
+
+/// A frame's bytes with the lowest bit first.
+fn ordered(layout: Layout, frame: &[u8]) -> Cow<'_, [u8]> {
+    if layout.is_msb() {
+        return Cow::Owned(frame.iter().map(|b| b.reverse_bits()).collect());
+    }
+    Cow::Borrowed(frame)
+}
+
+/// Refuses an array of bytes that were taken for pixels and hold eight of them.
+///
+/// # Errors
+/// [`Kind::Input`] when many bytes are neither 0 nor the value of a spike.
+pub(super) fn refuse_packed(name: &str, data: &[u8], codec: Codec, readouts: usize) -> Result<()> {
+    let bytes = codec.frame_bytes();
+    let count = READOUTS.min(readouts);
+    let sample = &data[(readouts - count) / 2 * bytes..][..count * bytes];
+    let lit = sample.iter().filter(|b| **b != 0).count();
+    let spikes = sample.iter().filter(|b| matches!(b, 1 | 255)).count();
+    if 10 * (lit - spikes) <= lit {
+        return Ok(());
+    }
+    let value = sample.iter().find(|b| !matches!(b, 0 | 1 | 255)).copied().unwrap_or_default();
+    let seams = Map::plain(
+        Bits::count(sample.chunks_exact(bytes).map(Cow::Borrowed), bytes).0,
+        8 * codec.geometry().width(),
+    )
+    .seams();
+    let told = |c: Option<f64>| c.map_or("unknown".to_owned(), |c| format!("{c:.2}"));
+    let remedy = if seams.turned().is_some() {
+        format!(
+            "its picture fits --layout npy-bits-msb, as numpy.packbits packs (correlation {} across bytes, {} with the \
+             lowest bit first)",
+            told(seams.other),
+            told(seams.here)
+        )
+    } else if seams.fits_here() {
+        format!(
+            "its picture fits --layout npy-bits, lowest bit first (correlation {} across bytes)",
+            told(seams.here)
+        )
+    } else {
+        "name --layout npy-bits-msb (numpy.packbits) or npy-bits (bitorder='little')".to_owned()
+    };
+    Err(Error::new(Kind::Input, name)
+        .found(format_args!("bytes such as {value}, which hold eight pixels each, or light"))
+        .expected("0 and 1, or 0 and 255")
+        .remedy(format_args!("{remedy}; light is for 'spikelane simulate'")))
+}
