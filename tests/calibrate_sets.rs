@@ -6,8 +6,8 @@ use std::path::PathBuf;
 
 use calibrate_support::{PUBLISHED, level, pixels};
 use spikelane::calibrate::{
-    Light, Observed, Options, Protocol, RecordingSet, Scene, SneeOptions, calibrate, observe, predict, snee,
-    write,
+    Light, Observed, Options, Protocol, RecordingSet, Scene, SneeOptions, calibrate, import_maps, observe,
+    predict, snee, write,
 };
 use spikelane::compare::grey_levels;
 use spikelane::effects::find;
@@ -37,6 +37,30 @@ fn record(protocol: &Protocol) -> (tempfile::TempDir, PathBuf) {
 fn refused(path: &std::path::Path) -> String {
     let set = RecordingSet::open(path).unwrap();
     observe(&set, &mut |_, _| {}).unwrap_err().to_string()
+}
+
+#[test]
+fn published_maps_become_rates_in_the_dark_and_in_light() {
+    use std::io::Write as _;
+    let folder = tempfile::tempdir().unwrap();
+    let archive = folder.path().join("data.npz");
+    let mut zip = zip::ZipWriter::new(std::fs::File::create(&archive).unwrap());
+    // Two pixels: one waits 4 readouts under 335 lux and has a dark current worth 8 lux, one has none.
+    for (name, values) in [("D_light", [4.0, 9.0]), ("Nd", [8.0, 0.0]), ("Nl", [1.0, 0.5])] {
+        zip.start_file(format!("{name}.npy"), zip::write::SimpleFileOptions::default()).unwrap();
+        zip.write_all(&spikelane::npy::map_to_bytes(&values, 2).unwrap()).unwrap();
+    }
+    zip.finish().unwrap();
+    let path = import_maps(&archive, &folder.path().join("out"), false).unwrap();
+    let set = RecordingSet::open(&path).unwrap();
+    assert_eq!((set.width, set.height, set.rate_maps.len()), (2, 1, 2));
+    let rates = |i: usize| {
+        let bytes = std::fs::read(set.folder.join(&set.rate_maps[i].file)).unwrap();
+        spikelane::npy::read_values("map", &bytes).unwrap().1
+    };
+    assert_eq!(rates(0), [8.0 / (8.0 + 4.0 * 343.0), 0.0]);
+    assert_eq!(rates(1), [0.2, 0.1]);
+    assert!(import_maps(&archive, &folder.path().join("out"), false).is_err(), "nothing is overwritten");
 }
 
 #[test]

@@ -42,7 +42,7 @@ fn make(options: &Options) -> PathBuf {
 fn inputs(folder: &Path, readouts_per_frame: u64) -> Work {
     Work::Inputs(Inputs {
         folder: folder.to_owned(),
-        readouts_per_frame,
+        readouts_per_frame: Some(readouts_per_frame),
         insertion: Insertion::Linear,
         fit: Fit::Resize,
         transfer: None,

@@ -129,7 +129,6 @@ fn arrays_that_are_no_frames_say_why() {
         npy_of(&format!("{{'descr': {descr}, 'fortran_order': {order}, 'shape': {shape}, }}"), &[0; 64])
     };
     for (name, bytes, says) in [
-        ("double", header("'<f8'", "False", "(2, 2)"), "f64"),
         ("signed", header("'|i1'", "False", "(2, 2)"), "i8"),
         ("fortran", header("'|u1'", "True", "(2, 2, 2)"), "ascontiguousarray"),
         ("colour", header("'|u1'", "False", "(2, 2, 2, 3)"), "[2, 2, 2, 3]"),

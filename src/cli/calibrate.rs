@@ -6,7 +6,8 @@ use clap::Args as ClapArgs;
 
 use serde_json::json;
 use spikelane::calibrate::{
-    Calibration, Files as Written, Options, RecordingSet, SneeOptions, calibrate, observe, snee, write,
+    Calibration, Files as Written, Options, RecordingSet, SneeOptions, calibrate, import_maps, observe, snee,
+    write,
 };
 use spikelane::error::Result;
 use spikelane::measure::Estimate;
@@ -19,7 +20,7 @@ use super::stream::warn_of_set;
 /// Fit a camera to recordings of known light.
 #[derive(Debug, ClapArgs)]
 pub struct Args {
-    /// The recording set (TOML).
+    /// The recording set (TOML), or published calibration maps D_light, Nd and Nl (.npz)
     recordings: PathBuf,
     /// Folder for camera.toml with its maps, calibration.json and report.html.
     #[arg(short, long, value_name = "DIR", default_value = "calibration")]
@@ -50,7 +51,17 @@ pub struct Args {
 /// When the set is bad, or a file cannot be written.
 pub fn run(args: &Args, out: &Out) -> Result<()> {
     refuse_existing(&args.output, &["camera.toml", "calibration.json", "report.html"], args.force)?;
-    let set = RecordingSet::open(&args.recordings)?;
+    let set = if args.recordings.extension().is_some_and(|e| e == "npz") {
+        let path = import_maps(&args.recordings, &args.output, args.force)?;
+        out.say(format_args!(
+            "{}: rates in the dark and under 335 lux, in {}",
+            args.recordings.display(),
+            path.display()
+        ));
+        RecordingSet::open(&path)?
+    } else {
+        RecordingSet::open(&args.recordings)?
+    };
     warn_of_set(&set, out)?;
     let mut progress = Files::new(out);
     let observed = observe(&set, &mut |name, share| progress.step(name, share))?;

@@ -70,10 +70,11 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         "mean_rate": measured.mean, "least_pixel_rate": measured.least, "greatest_pixel_rate": measured.greatest,
         "dead_pixels": measured.dead, "stuck_pixels": measured.stuck, "hot_pixels": measured.hot,
         "weak_pixels": measured.weak,
+        "warnings": reader.warnings().iter().cloned().chain(readings.warning()).collect::<Vec<_>>(),
         "geometry_from": reader.origin().to_string(), "lost_readouts": reader.lost(),
         "readings": listed(&readings).map(|(r, given)| json!({
             "layout": r.layout.name(), "width": r.geometry.width(), "height": r.geometry.height(),
-            "readouts": r.readouts, "rows_correlation": r.rows, "bytes_correlation": r.bytes, "given": given,
+            "readouts": r.readouts, "rows_correlation": r.rows, "bytes_differ": r.bytes, "given": given,
         })).collect::<Vec<_>>(),
     });
     let beside = [
@@ -130,7 +131,7 @@ fn listed(readings: &Readings) -> impl Iterator<Item = (&Reading, bool)> {
 
 fn line(reading: &Reading) -> String {
     let number = |c: Option<f64>| c.map_or("none".to_owned(), |c| format!("{c:.3}"));
-    let bytes = reading.bytes.map_or(String::new(), |c| format!(", from byte to byte {c:.3}"));
+    let bytes = reading.bytes.map_or(String::new(), |c| format!(", bytes differ {c:.2} times"));
     let rows = number(reading.rows);
     let (geometry, layout) = (reading.geometry.to_string(), reading.layout.name());
     format!("{geometry:<10} {layout:<12} {:>7} readouts, correlation of rows {rows}{bytes}", reading.readouts)

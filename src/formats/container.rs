@@ -57,6 +57,8 @@ const MARKS: &[(usize, &[u8], &str, &str)] = &[
         "fetch the file with 'git lfs pull'",
     ),
     (0, b"#!AER-DAT", "an AEDAT event file", EVENTS),
+    (0, b"Event Stream", "an Event Stream file", EVENTS),
+    (0, b"\x89MCAP0\r\n", "an MCAP file", "export its topic as a NumPy array first"),
     (0, b"#ROSBAG V", "a ROS bag", "export its topic as a NumPy array first"),
     (0, b"%PDF-", "a PDF document", "it holds no stream"),
     (0, b"SQLite format 3\0", "an SQLite database", "it holds no stream"),

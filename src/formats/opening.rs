@@ -93,7 +93,14 @@ impl Opening {
         // Named in full, a stream needs no sidecar; one that can be read is still a witness.
         let facts = if known { sidecar::beside(path).unwrap_or_default() } else { sidecar::beside(path)? };
         let named = self.geometry.is_some() || facts.geometry.is_some() || self.layout.is_some_and(tells);
-        let above = if named { None } else { dataset_config::above(path)? };
+        let above = if named || is_array(&map) {
+            None
+        } else if map.starts_with(layouts::ARCHIVE_MAGIC) {
+            // An archive may do without.
+            dataset_config::above(path).unwrap_or_default()
+        } else {
+            dataset_config::above(path)?
+        };
         let source = Source::Map(map);
         Builder { opening: self, name: path.display().to_string(), facts, above }.build(source)
     }
@@ -129,9 +136,14 @@ impl Builder<'_> {
             self.archive(&source)
         } else if wanted.map_or(source.starts_with(npy::MAGIC), Layout::is_array) {
             self.array(source, wanted)
-        } else if is_array(&source) {
+        } else if is_array(&source) || is_archive(&source) {
+            let what = if is_array(&source) {
+                "a NumPy array, with a header"
+            } else {
+                "a zip archive, such as .npz"
+            };
             Err(Error::new(Kind::Input, &self.name)
-                .found("a NumPy array, with a header")
+                .found(what)
                 .expected(format_args!("a headerless file of layout {}", wanted.unwrap_or_default()))
                 .remedy("leave the layout out"))
         } else {
@@ -301,6 +313,12 @@ fn is_array(source: &[u8]) -> bool {
     source.starts_with(npy::MAGIC)
         && source.get(6).is_some_and(|v| (1..=3).contains(v))
         && source.get(7) == Some(&0)
+}
+
+/// Whether it begins and ends as archives do.
+fn is_archive(source: &[u8]) -> bool {
+    let tail = &source[source.len().saturating_sub(22 + 0xffff)..];
+    source.starts_with(layouts::ARCHIVE_MAGIC) && tail.windows(4).any(|w| w == b"PK\x05\x06")
 }
 
 /// What an array's elements are.

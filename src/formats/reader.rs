@@ -135,11 +135,12 @@ impl Reader {
         if numbers.len() > LISTED {
             listed.push("...".to_owned());
         }
-        let (were, number) =
-            if numbers.len() == 1 { ("readout was", "number") } else { ("readouts were", "numbers") };
-        let what = match how {
-            Lost::Mark => "empty readouts stand in their place (--lost drop leaves them out)",
-            Lost::Drop => "they are left out, and those behind move up (--lost mark keeps the numbers)",
+        let one = numbers.len() == 1;
+        let (were, number) = if one { ("readout was", "number") } else { ("readouts were", "numbers") };
+        let what = match (how, one) {
+            (Lost::Mark, true) => "an empty one stands in its place (--lost drop leaves it out)",
+            (Lost::Mark, false) => "empty ones stand in their place (--lost drop leaves them out)",
+            (Lost::Drop, _) => "those behind move up (--lost mark puts empty ones in place)",
         };
         self.warn(format!("{} {were} lost of {all}, {number} {}: {what}", numbers.len(), listed.join(", ")));
         self.dropped = if how == Lost::Drop { numbers.len() } else { 0 };

@@ -9,9 +9,8 @@ use std::borrow::Cow;
 
 use crate::error::{Error, Kind, Result};
 use crate::formats::layouts::{self, Axes};
-use crate::formats::reader::Place;
-use crate::formats::{Codec, Layout, Reader, size};
-use crate::spikes::Geometry;
+use crate::formats::{Codec, Layout, Origin, Reader, size};
+use crate::spikes::{Geometry, bit};
 
 mod map;
 
@@ -43,8 +42,8 @@ pub struct Reading {
     pub readouts: usize,
     /// Correlation of the rate map with its lower neighbour; `None` where nothing varies.
     pub rows: Option<f64>,
-    /// Correlation of the rate map across the edges of bytes; `None` where nothing varies, or bytes are no
-    /// eight pixels.
+    /// How many times as much neighbours differ across the edges of bytes as inside them, 1 in the right order of
+    /// bits; `None` where nothing varies, or bytes are no eight pixels.
     pub bytes: Option<f64>,
 }
 
@@ -59,13 +58,22 @@ pub struct Readings {
     pub better: Option<Reading>,
 }
 
+impl Reading {
+    /// Whether a map whose rows are `width` apart and correlate by `rows` is clearly better than this reading.
+    fn is_beaten_by(&self, map: &Map, width: usize, rows: Option<f64>) -> bool {
+        let chance = BEYOND_CHANCE / (map.pixels() as f64).sqrt();
+        rows.is_some_and(|c| {
+            c >= LEAST && c > chance && self.rows.unwrap_or(0.0) < c / 2.0 && map.is_peak(width, c)
+        })
+    }
+}
+
 impl Readings {
     /// The accusation in words, and what to give instead; `None` when there is none.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
         let (given, better) = (&self.given, self.better.as_ref()?);
         let as_text = |r: &Reading| format!("{} in layout {}", r.geometry, r.layout);
-        let what = |found: Option<f64>| found.map_or("not measurable".to_owned(), |c| format!("{c:.2}"));
         let mut flags = Vec::new();
         if better.geometry != given.geometry {
             flags.push(format!("--width {} --height {}", better.geometry.width(), better.geometry.height()));
@@ -73,17 +81,25 @@ impl Readings {
         if better.layout != given.layout {
             flags.push(format!("--layout {}", better.layout));
         }
-        let (sign, here, there) = if better.bytes.is_some() {
-            ("pixels do not continue from byte to byte", given.bytes, better.bytes)
+        let number = |found: Option<f64>| found.map_or("not measurable".to_owned(), |c| format!("{c:.2}"));
+        let why = if better.bytes.is_some() {
+            format!(
+                "neighbours differ {} times as much across bytes as inside them; as {} {} times",
+                number(given.bytes),
+                as_text(better),
+                number(better.bytes)
+            )
         } else {
-            ("rows do not continue each other", given.rows, better.rows)
+            format!(
+                "rows do not continue each other (correlation {}); as {} they do ({})",
+                number(given.rows),
+                as_text(better),
+                number(better.rows)
+            )
         };
         Some(format!(
-            "read as {} this does not look like a picture: {sign} (correlation {}); as {} they do ({}): give {}",
+            "read as {} this does not look like a picture: {why}: give {}",
             as_text(given),
-            what(here),
-            as_text(better),
-            what(there),
             flags.join(" ")
         ))
     }
@@ -104,18 +120,13 @@ impl Reader {
         };
         let mut found: Vec<(Reading, bool)> = Vec::new();
         if self.is_headerless() {
-            self.shapes(&map, &mut found);
+            self.shapes(&map, &given, &mut found);
             self.cameras(&given, &mut found);
         } else if self.layout() == Layout::NpyBytes {
-            found.extend(self.turned(&given));
+            found.extend(self.turned(&given, &map));
         }
         found.sort_by(|a, b| b.0.rows.unwrap_or(-1.0).total_cmp(&a.0.rows.unwrap_or(-1.0)));
-        let accused = |(reading, peak): &&(Reading, bool)| {
-            let c = reading.rows.unwrap_or(0.0);
-            let chance = BEYOND_CHANCE / (reading.geometry.pixels() as f64).sqrt();
-            *peak && c >= LEAST && c > chance && rows.unwrap_or(0.0) < c / 2.0
-        };
-        let mut better = found.iter().find(accused).map(|(reading, _)| *reading);
+        let mut better = found.iter().find(|(_, better)| *better).map(|(reading, _)| *reading);
         let (given, turned) = self.bit_orders(given, &map);
         if better.is_none() {
             better = turned;
@@ -149,7 +160,7 @@ impl Reader {
     }
 
     /// The same frames with other sides.
-    fn shapes(&self, map: &Map, found: &mut Vec<(Reading, bool)>) {
+    fn shapes(&self, map: &Map, given: &Reading, found: &mut Vec<(Reading, bool)>) {
         let geometry = self.geometry();
         let (pixels, width) = (geometry.pixels(), geometry.width());
         if matches!(self.layout(), Layout::Rows416 | Layout::Rows1024) {
@@ -163,8 +174,7 @@ impl Reader {
             let rows = map.correlation(width);
             let reading =
                 Reading { layout: self.layout(), geometry, readouts: self.readouts(), rows, bytes: None };
-            let peak = rows.is_some_and(|c| c >= LEAST && map.is_peak(width, c));
-            found.push((reading, peak));
+            found.push((reading, given.is_beaten_by(map, width, rows)));
         }
     }
 
@@ -193,34 +203,39 @@ impl Reader {
             }
             let map = Map::of(codec, Bits::count(frames.map(Cow::Borrowed), codec.frame_bytes()));
             let rows = map.rows();
-            let peak = rows.is_some_and(|c| c >= LEAST && map.is_peak(map.stride, c));
-            found.push((Reading { layout, geometry, readouts, rows, bytes: None }, peak));
+            let better = given.is_beaten_by(&map, map.stride, rows);
+            found.push((Reading { layout, geometry, readouts, rows, bytes: None }, better));
         }
     }
 
-    /// An array whose readouts lie along its last axis.
-    fn turned(&self, given: &Reading) -> Option<(Reading, bool)> {
+    /// An array whose readouts lie along its last axis, where nobody gave a size that would tell.
+    fn turned(&self, given: &Reading, here: &Map) -> Option<(Reading, bool)> {
         let (a, b, c) = (self.readouts(), self.geometry().height(), self.geometry().width());
-        let Place::Even(start) = self.place else { return None };
-        let data = self.source.get(start..start + a.checked_mul(b)?.checked_mul(c)?)?;
-        if self.codec().layout() != Layout::NpyBytes || data.len() > MAX_TURNED {
+        let values = a.checked_mul(b)?.checked_mul(c)?;
+        if *self.origin() != Origin::Header || values > MAX_TURNED {
             return None;
         }
         let (readouts, geometry) = Axes::Last.meaning([a as u64, b as u64, c as u64])?;
-        let count = READOUTS.min(c);
+        let (count, packed) = (READOUTS.min(c), self.codec().layout() == Layout::DatTop);
         let first = (c - count) / 2;
-        let spikes = |times: &[u8]| times[first..first + count].iter().filter(|v| **v != 0).count() as u8;
-        let map = Map::plain(data.chunks_exact(c).map(spikes).collect(), b);
-        let rows = map.rows();
-        let peak = rows.is_some_and(|c| c >= LEAST && map.is_peak(b, c));
-        Some((Reading { geometry, readouts: readouts as usize, rows, ..*given }, peak))
+        let mut counts = Vec::with_capacity(a * b);
+        for frame in (0..a).filter_map(|t| self.frame(t)) {
+            let fires = |p: usize| if packed { bit(frame, p) } else { frame[p] != 0 };
+            counts.extend((0..b).map(|row| (0..count).filter(|t| fires(row * c + first + t)).count() as u8));
+        }
+        let map = Map::plain(counts, b);
+        // Read wrongly, one of the sides is time: along the other one the picture may still continue.
+        let both = |map: &Map| Some(map.rows()?.min(map.correlation(1)?));
+        let wrong = Reading { rows: both(here), ..*given };
+        let better = wrong.is_beaten_by(&map, b, both(&map).filter(|_| wrong.rows.is_some()));
+        Some((Reading { geometry, readouts: readouts as usize, rows: map.rows(), ..*given }, better))
     }
 
     /// The same frames with the bits of each byte the other way round, where the picture says so.
     fn bit_orders(&self, given: Reading, map: &Map) -> (Reading, Option<Reading>) {
         let Some(layout) = self.layout().other_bit_order() else { return (given, None) };
         let seams = map.seams();
-        let given = Reading { bytes: seams.here, ..given };
+        let given = Reading { bytes: seams.lowest_first(), ..given };
         (given, seams.turned().map(|c| Reading { layout, bytes: Some(c), ..given }))
     }
 }
@@ -253,17 +268,16 @@ pub(super) fn refuse_packed(name: &str, data: &[u8], codec: Codec, readouts: usi
     )
     .seams();
     let told = |c: Option<f64>| c.map_or("unknown".to_owned(), |c| format!("{c:.2}"));
+    let (low, high) = (told(seams.lowest_first()), told(seams.highest_first()));
     let remedy = if seams.turned().is_some() {
         format!(
-            "its picture fits --layout npy-bits-msb, as numpy.packbits packs (correlation {} across bytes, {} with the \
-             lowest bit first)",
-            told(seams.other),
-            told(seams.here)
+            "its picture fits --layout npy-bits-msb, as numpy.packbits packs (neighbours differ {high} times as much \
+             across bytes as inside them, {low} times with the lowest bit first)"
         )
     } else if seams.fits_here() {
         format!(
-            "its picture fits --layout npy-bits, lowest bit first (correlation {} across bytes)",
-            told(seams.here)
+            "its picture fits --layout npy-bits, lowest bit first (neighbours differ {low} times as much across bytes \
+             as inside them, {high} times with the highest bit first)"
         )
     } else {
         "name --layout npy-bits-msb (numpy.packbits) or npy-bits (bitorder='little')".to_owned()

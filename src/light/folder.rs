@@ -14,8 +14,9 @@ use crate::spikes::Geometry;
 pub struct Folder {
     folder: PathBuf,
     files: Vec<PathBuf>,
-    /// Names of other entries that are not hidden.
+    /// Names of other entries that are not hidden, and how many there are with those that are.
     ignored: Vec<String>,
+    others: usize,
     /// The file of times and what it says.
     times: Option<(PathBuf, Vec<u64>)>,
     size: Geometry,
@@ -34,10 +35,10 @@ impl Folder {
     /// read, their sizes differ, floats are among integers, [`Fit::Crop`] finds them too small, or a
     /// `timestamps.txt` does not give a time for each.
     pub fn open(folder: &Path, camera: Geometry, fit: Fit, linear: Linear) -> Result<Self> {
-        let (files, mut ignored) = list(folder)?;
+        let (files, mut ignored, others) = list(folder)?;
         let Some(first) = files.first() else {
             return Err(Error::new(Kind::Input, folder.display())
-                .found(format_args!("no image among {} entries", ignored.len()))
+                .found(format_args!("no image among {others} entries"))
                 .expected(format_args!("files named {}", picture::EXTENSIONS.join(", "))));
         };
         let Header { size, floats } = picture::header(first)?;
@@ -61,6 +62,7 @@ impl Folder {
             folder: folder.to_owned(),
             files,
             ignored,
+            others,
             times,
             size,
             camera,
@@ -100,16 +102,15 @@ fn same_kind(file: &Path, found: bool, first: &Path, floats: bool) -> Result<()>
         .remedy("put the images into folders of their own"))
 }
 
-/// The images in natural order, and the names of other entries that are not hidden.
-fn list(folder: &Path) -> Result<(Vec<PathBuf>, Vec<String>)> {
+/// The images in natural order, the names of other entries that are not hidden, and the number of all others.
+fn list(folder: &Path) -> Result<(Vec<PathBuf>, Vec<String>, usize)> {
     let refused = |e| Error::io(folder.display(), e);
-    let (mut files, mut ignored) = (Vec::new(), Vec::new());
+    let (mut files, mut ignored, mut hidden) = (Vec::new(), Vec::new(), 0);
     for entry in std::fs::read_dir(folder).map_err(refused)? {
         let path = entry.map_err(refused)?.path();
         if name(&path).starts_with('.') {
-            continue;
-        }
-        if picture::is_picture(&path) && path.is_file() {
+            hidden += 1;
+        } else if picture::is_picture(&path) && path.is_file() {
             files.push(path);
         } else {
             ignored.push(name(&path));
@@ -117,7 +118,8 @@ fn list(folder: &Path) -> Result<(Vec<PathBuf>, Vec<String>)> {
     }
     ignored.sort_by(|a, b| natural_cmp(a, b));
     files.sort_by(|a, b| natural_cmp(&name(a), &name(b)));
-    Ok((files, ignored))
+    let others = ignored.len() + hidden;
+    Ok((files, ignored, others))
 }
 
 /// A line about entries that are no pictures.
@@ -169,7 +171,7 @@ impl Source for Folder {
             self.folder.display(),
             self.files.len(),
             self.size,
-            self.ignored.len()
+            self.others
         )
     }
 

@@ -241,7 +241,7 @@ impl Array {
     /// States the stored number that is full scale; without one it is 255, 65535, true or 1.0.
     ///
     /// # Errors
-    /// [`Kind::Usage`] for a number that is not positive, and for none where the type has no full scale of its own.
+    /// [`Kind::Usage`] for a number that is not positive; [`Kind::Input`] for none where the type has no full scale of its own.
     pub fn with_scale(mut self, scale: Option<f64>) -> Result<Self> {
         if let Some(scale) = scale.filter(|s| !(s.is_finite() && *s > 0.0)) {
             return Err(Error::new(Kind::Usage, "--scale")
@@ -259,7 +259,7 @@ impl Array {
         if own || self.scale.is_some() {
             return Ok(());
         }
-        Err(Error::new(Kind::Usage, &self.reader.name)
+        Err(Error::new(Kind::Input, &self.reader.name)
             .found(format_args!("elements of type {element}, which have no full scale of their own"))
             .expected("the number that is full scale")
             .remedy("give --scale, such as --scale 255 for codes of 8 bits"))
@@ -271,7 +271,7 @@ impl Array {
             if let Samples::F32(values) = &samples {
                 let most = values.iter().copied().fold(0.0, f32::max);
                 if most > CODES && most.is_finite() {
-                    return Err(Error::new(Kind::Usage, &self.reader.name)
+                    return Err(Error::new(Kind::Input, &self.reader.name)
                         .found(format_args!("the value {most} in frame {frame}"))
                         .expected("light with full scale at 1.0")
                         .remedy(

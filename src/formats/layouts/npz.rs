@@ -56,6 +56,12 @@ pub(crate) fn read(name: &str, bytes: &[u8], wanted: Entry<'_>) -> Result<(Packi
 
 /// The array that holds the stream.
 fn key(name: &str, arrays: &[String], wanted: Option<&str>) -> Result<String> {
+    if arrays.is_empty() {
+        return Err(Error::new(Kind::Input, name)
+            .found("a zip archive without NumPy arrays")
+            .expected("an .npz that numpy.savez wrote")
+            .remedy("unpack it; of a file of PyTorch save the array with numpy.save"));
+    }
     let has = |key: &str| arrays.iter().any(|a| a == key);
     let found = match (wanted, arrays) {
         (Some(key), _) => has(key).then_some(key),

@@ -2,6 +2,9 @@
 
 use crate::formats::{Codec, Layout};
 
+/// Pairs of which a correlation is taken, about: its error of chance is then 0.002.
+const MOST_PAIRS: usize = 1 << 18;
+
 /// How often each bit of a frame was set, lowest bit first.
 pub(super) struct Bits(pub(super) Vec<u8>);
 
@@ -64,7 +67,15 @@ impl Map {
         let whole = self.is_pixel.iter().all(|p| *p);
         let here =
             |p: usize| whole || self.is_pixel[p % self.stride] && self.is_pixel[(p + lag) % self.stride];
-        self.pearson((0..self.counts.len().saturating_sub(lag)).filter(|p| here(*p)).map(|p| (p, p + lag)))
+        // An odd step meets all columns.
+        let step = self.counts.len() / MOST_PAIRS | 1;
+        let pairs = (0..self.counts.len().saturating_sub(lag)).step_by(step);
+        self.pearson(pairs.filter(|p| here(*p)).map(|p| (p, p + lag)))
+    }
+
+    /// Places of the map, pixels or not.
+    pub(super) fn pixels(&self) -> usize {
+        self.counts.len()
     }
 
     /// Correlation with the lower neighbour.
@@ -99,44 +110,77 @@ impl Map {
             .all(|lag| self.correlation(lag).is_none_or(|side| c > 1.1 * side + chance))
     }
 
-    /// How pixels correlate across the edges of bytes, and inside them.
+    /// How much pixels differ across the edges of bytes, and inside them.
     pub(super) fn seams(&self) -> Seams {
         let bytes = self.counts.len() / 8;
-        let pairs = |a: usize, b: usize| {
-            let seam = (0..bytes.saturating_sub(1)).map(|k| (8 * k + a, 8 * k + b));
-            self.pearson(
-                seam.filter(|&(p, q)| self.is_pixel[p % self.stride] && self.is_pixel[q % self.stride]),
-            )
-        };
-        let chance = super::BEYOND_CHANCE / (bytes as f64).sqrt();
-        // The middle of a byte is the same pair in either order.
-        Seams { here: pairs(7, 8), other: pairs(0, 15), inside: pairs(3, 4), chance }
+        let is_pixel = |p: usize| self.is_pixel[p % self.stride];
+        let difference = |p: usize, q: usize| u64::from(self.counts[p].abs_diff(self.counts[q]));
+        let mut seams = Seams { seams: 0, here: 0, other: 0, inside: 0.0, wins: 0 };
+        let (mut sum, mut pairs) = (0, 0u64);
+        for first in (0..bytes).map(|k| 8 * k) {
+            for p in (first..first + 7).filter(|&p| p % self.stride < (p + 1) % self.stride) {
+                if is_pixel(p) && is_pixel(p + 1) {
+                    (sum, pairs) = (sum + difference(p, p + 1), pairs + 1);
+                }
+            }
+            // From the end of a row to the start of the next there are no neighbours.
+            let ends = [first, first + 7, first + 8, first + 15];
+            let in_row = ends.windows(2).all(|w| w[0] % self.stride < w[1] % self.stride);
+            if ends[3] >= self.counts.len() || !in_row || !ends.into_iter().all(is_pixel) {
+                continue;
+            }
+            let (here, other) = (difference(ends[1], ends[2]), difference(ends[0], ends[3]));
+            seams.seams += 1;
+            (seams.here, seams.other) = (seams.here + here, seams.other + other);
+            seams.wins += i64::from(other < here) - i64::from(here < other);
+        }
+        seams.inside = sum as f64 / pairs.max(1) as f64;
+        seams
     }
 }
 
-/// Correlations of neighbours where bytes meet.
+/// Mean differences of neighbours where bytes meet.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seams {
-    /// The highest bit of a byte with the lowest of the next: neighbours with the lowest bit first.
-    pub(super) here: Option<f64>,
-    /// The lowest bit of a byte with the highest of the next: neighbours the other way round.
-    pub(super) other: Option<f64>,
-    /// Neighbours inside bytes.
-    inside: Option<f64>,
-    chance: f64,
+    seams: u64,
+    /// Between the highest bit of a byte and the lowest of the next, neighbours with the lowest bit first; summed.
+    here: u64,
+    /// Between the lowest bit of a byte and the highest of the next, neighbours the other way round; summed.
+    other: u64,
+    /// Between neighbours inside bytes, which are the same in either order.
+    inside: f64,
+    /// Seams at which the other order differs less, minus those at which it differs more.
+    wins: i64,
 }
 
 impl Seams {
-    /// The correlation of the other order, when that is clearly the right one.
+    fn ratio(&self, sum: u64) -> Option<f64> {
+        (self.seams > 0 && self.inside > 0.0).then(|| sum as f64 / self.seams as f64 / self.inside)
+    }
+
+    /// How many times as much neighbours differ across bytes as inside them, with the lowest bit first.
+    pub(super) fn lowest_first(&self) -> Option<f64> {
+        self.ratio(self.here)
+    }
+
+    /// The same with the highest bit first.
+    pub(super) fn highest_first(&self) -> Option<f64> {
+        self.ratio(self.other)
+    }
+
+    /// The ratio of the other order, when that is clearly the right one: nearer to the inside of bytes, by much and at
+    /// many more seams than chance would have it.
     pub(super) fn turned(&self) -> Option<f64> {
-        let (here, other, inside) = (self.here.unwrap_or(0.0), self.other?, self.inside?);
-        let sign = inside >= super::LEAST && inside > self.chance;
-        (sign && other >= inside / 2.0 && here < inside / 2.0 && here < other / 2.0).then_some(other)
+        let (here, other) = (self.ratio(self.here)?, self.ratio(self.other)?);
+        let clear = here > 1.5 && other < 0.7 * here && other < (here + 1.0) / 2.0;
+        let chance = super::BEYOND_CHANCE * (self.seams as f64).sqrt();
+        let many = self.seams >= 32 && self.wins as f64 > chance.min(0.5 * self.seams as f64);
+        (clear && many).then_some(other)
     }
 
     /// Whether the order that was taken is clearly the right one.
     pub(super) fn fits_here(&self) -> bool {
-        let turned = Self { here: self.other, other: self.here, ..*self };
+        let turned = Self { here: self.other, other: self.here, wins: -self.wins, ..*self };
         turned.turned().is_some()
     }
 }
