@@ -79,6 +79,21 @@ pub struct Error {
 /// A result with this crate's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
+/// What an [`Error`] says, piece by piece; a piece that it does not say is empty.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Parts<'a> {
+    /// The sort of mistake.
+    pub kind: Kind,
+    /// The thing the error is about: a file, a key, an argument.
+    pub subject: &'a str,
+    /// What was found there.
+    pub found: &'a str,
+    /// What was expected instead.
+    pub expected: &'a str,
+    /// What to do about it.
+    pub remedy: &'a str,
+}
+
 impl Error {
     /// An error of `kind` about `subject` (a file, a key, an argument).
     #[must_use]
@@ -153,6 +168,19 @@ impl Error {
     #[must_use]
     pub fn subject(&self) -> &str {
         &self.subject
+    }
+
+    /// Everything that it says.
+    #[must_use]
+    pub fn parts(&self) -> Parts<'_> {
+        let Self { kind, subject, found, expected, remedy, .. } = self;
+        Parts { kind: *kind, subject, found, expected, remedy }
+    }
+
+    /// The operating system's refusal behind it, if there is one.
+    #[must_use]
+    pub fn io_error(&self) -> Option<&std::io::Error> {
+        self.source.as_ref()
     }
 }
 

@@ -37,6 +37,8 @@
 
 #[cfg(all(feature = "files", feature = "threads"))]
 pub mod calibrate;
+#[cfg(feature = "cli")]
+pub mod cli;
 #[cfg(all(feature = "files", feature = "threads"))]
 pub mod compare;
 #[cfg(feature = "scene")]

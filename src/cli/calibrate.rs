@@ -4,14 +4,14 @@ use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 
-use serde_json::json;
-use spikelane::calibrate::{
+use crate::calibrate::{
     Calibration, Files as Written, Options, RecordingSet, SneeOptions, calibrate, import_maps, observe, snee,
     write,
 };
-use spikelane::error::Result;
-use spikelane::measure::Estimate;
-use spikelane::storage::refuse_existing;
+use crate::error::Result;
+use crate::measure::Estimate;
+use crate::storage::refuse_existing;
+use serde_json::json;
 
 use super::output::Out;
 use super::progress::Files;

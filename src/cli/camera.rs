@@ -1,7 +1,7 @@
 //! Flags that describe a camera.
 
-use spikelane::light::Rate;
-use spikelane::{Camera, Error, Geometry, Kind, Result, effects, presets};
+use crate::light::Rate;
+use crate::{Camera, Error, Geometry, Kind, Result, effects, presets};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct CameraArgs {

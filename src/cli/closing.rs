@@ -1,9 +1,9 @@
 //! What `simulate` says at its end: the files, how long the stream is, and how fast it was made.
 
+use crate::Result;
+use crate::sensor::FrontEnd;
+use crate::simulate::{Outcome, Run, Sidecar, Written};
 use serde_json::{Value, json};
-use spikelane::Result;
-use spikelane::sensor::FrontEnd;
-use spikelane::simulate::{Outcome, Run, Sidecar, Written};
 
 use super::output::{Out, bytes_text};
 use super::simulate::Names;

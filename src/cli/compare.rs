@@ -4,14 +4,14 @@ use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 
+use crate::calibrate::RecordingSet;
+use crate::compare::{CameraDistance, MODELS, SceneRow, grey_levels, static_scene};
+use crate::draws::Seeds;
+use crate::effects::Camera;
+use crate::error::{Error, Kind, Result};
+use crate::presets;
+use crate::storage::{refuse_existing, write_small};
 use serde_json::{Value, json};
-use spikelane::calibrate::RecordingSet;
-use spikelane::compare::{CameraDistance, MODELS, SceneRow, grey_levels, static_scene};
-use spikelane::draws::Seeds;
-use spikelane::effects::Camera;
-use spikelane::error::{Error, Kind, Result};
-use spikelane::presets;
-use spikelane::storage::{refuse_existing, write_small};
 
 use super::output::Out;
 use super::progress::Files;

@@ -1,7 +1,7 @@
 //! `spikelane completions`.
 
+use crate::Result;
 use clap_complete::{Shell, generate};
-use spikelane::Result;
 
 use super::output::Out;
 use super::words;

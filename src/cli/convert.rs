@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
+use crate::formats::{EVENTS, Finished, Layout, StreamWriter, convert, write_events};
+use crate::report::with_known;
+use crate::simulate::{Sidecar, StreamFacts, Written};
+use crate::{Error, Kind, Result, spikes};
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
-use spikelane::formats::{EVENTS, Finished, Layout, StreamWriter, convert, write_events};
-use spikelane::report::with_known;
-use spikelane::simulate::{Sidecar, StreamFacts, Written};
-use spikelane::{Error, Kind, Result, spikes};
 
 use super::inspect::file_name;
 use super::output::{Out, bytes_text, command_line};
@@ -154,8 +154,8 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
 }
 
 /// Spikes of what was written: reading it back also shows that it reads back.
-fn count(path: &std::path::Path, layout: Layout, geometry: spikelane::Geometry) -> Result<u64> {
-    let reader = spikelane::formats::Reader::open(path, Some(layout), Some(geometry))?;
+fn count(path: &std::path::Path, layout: Layout, geometry: crate::Geometry) -> Result<u64> {
+    let reader = crate::formats::Reader::open(path, Some(layout), Some(geometry))?;
     let mut frames = reader.frames(0..reader.readouts())?;
     let mut spikes = 0;
     while let Some(frame) = frames.next_frame() {

@@ -4,17 +4,15 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use crate::dataset::{self, Drives, Estimate, Images, Inputs, Options, Progress, Report, Structure, Work};
+use crate::light::{Fit, Insertion, Transfer};
+use crate::report::with_known;
+use crate::scene::Lighting;
+use crate::simulate::ImageForm;
+use crate::{Error, Kind, Result};
 use clap::builder::PossibleValuesParser;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
-use spikelane::dataset::{
-    self, Drives, Estimate, Images, Inputs, Options, Progress, Report, Structure, Work,
-};
-use spikelane::light::{Fit, Insertion, Transfer};
-use spikelane::report::with_known;
-use spikelane::scene::Lighting;
-use spikelane::simulate::ImageForm;
-use spikelane::{Error, Kind, Result};
 
 use super::camera::CameraArgs;
 use super::output::{Out, bytes_text};

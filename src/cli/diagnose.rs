@@ -3,16 +3,16 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use clap::Args as ClapArgs;
-use serde_json::{Value, json};
-use spikelane::calibrate::RecordingSet;
-use spikelane::diagnose::{
+use crate::calibrate::RecordingSet;
+use crate::diagnose::{
     Diagnosis, Extent, Options, Part, Reference, Setup, Verdict, diagnose, page, published,
 };
-use spikelane::error::{Error, Kind, Result};
-use spikelane::presets;
-use spikelane::simulate::save_camera;
-use spikelane::storage::{refuse_existing, write_small};
+use crate::error::{Error, Kind, Result};
+use crate::presets;
+use crate::simulate::save_camera;
+use crate::storage::{refuse_existing, write_small};
+use clap::Args as ClapArgs;
+use serde_json::{Value, json};
 
 use super::output::Out;
 use super::progress::Files;

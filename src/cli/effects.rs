@@ -1,9 +1,9 @@
 //! `spikelane effects`.
 
+use crate::effects::ALL;
+use crate::effects::definition::{Form, Param};
+use crate::{Result, effects};
 use serde_json::json;
-use spikelane::effects::ALL;
-use spikelane::effects::definition::{Form, Param};
-use spikelane::{Result, effects};
 
 use super::output::Out;
 

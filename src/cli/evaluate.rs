@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::dataset::{Manifest, Record, Status};
+use crate::formats::Reader;
+use crate::light::Transfer;
+use crate::reconstruct::{Tfi, span, tfi_at, tfp};
+use crate::simulate::Sidecar;
+use crate::spikes::Packed;
+use crate::{Error, Kind, Result};
 use serde_json::{Value, json};
-use spikelane::dataset::{Manifest, Record, Status};
-use spikelane::formats::Reader;
-use spikelane::light::Transfer;
-use spikelane::reconstruct::{Tfi, span, tfi_at, tfp};
-use spikelane::simulate::Sidecar;
-use spikelane::spikes::Packed;
-use spikelane::{Error, Kind, Result};
 
 use super::output::Out;
 use super::picture::around;

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::simulate::{Sidecar, StreamFacts};
+use crate::{Error, Kind, Result, storage};
 use clap::Parser as _;
-use spikelane::simulate::{Sidecar, StreamFacts};
-use spikelane::{Error, Kind, Result, storage};
 
 use super::output::Out;
 use super::simulate::{Args, Names, run as simulate};

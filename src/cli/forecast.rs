@@ -2,10 +2,10 @@
 
 use std::time::Instant;
 
+use crate::light::Frame;
+use crate::simulate::{FrameRef, Run};
+use crate::{Result, Simulator};
 use serde_json::json;
-use spikelane::light::Frame;
-use spikelane::simulate::{FrameRef, Run};
-use spikelane::{Result, Simulator};
 
 use super::light::Light;
 use super::output::{Out, bytes_text};

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use spikelane::light::Frame;
-use spikelane::simulate::{ImageFacts, ImageFile, ImageForm};
-use spikelane::{Error, Kind, Result, storage};
+use crate::light::Frame;
+use crate::simulate::{ImageFacts, ImageFile, ImageForm};
+use crate::{Error, Kind, Result, storage};
 
 #[derive(clap::Args, Clone, Copy, Debug)]
 pub struct ImageArgs {

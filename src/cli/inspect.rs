@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
+use crate::formats::{Reader, Reading, Readings};
+use crate::measure::{Accumulator, Options, summarise};
+use crate::reconstruct::tfp;
+use crate::report::with_known;
+use crate::simulate::Sidecar;
+use crate::spikes::Packed;
+use crate::{Result, storage};
 use serde_json::json;
-use spikelane::formats::{Reader, Reading, Readings};
-use spikelane::measure::{Accumulator, Options, summarise};
-use spikelane::reconstruct::tfp;
-use spikelane::report::with_known;
-use spikelane::simulate::Sidecar;
-use spikelane::spikes::Packed;
-use spikelane::{Result, storage};
 
 use super::output::{Out, bytes_text};
 use super::picture::{around, bright, grey, png};

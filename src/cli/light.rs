@@ -2,17 +2,17 @@
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
-use clap::builder::PossibleValuesParser;
-use spikelane::dataset::Drive;
-use spikelane::light::open;
-use spikelane::light::{
+use crate::dataset::Drive;
+use crate::light::open;
+use crate::light::{
     Chart, Fit, Insertion, Motion, Moving, Objects, Options, Pace, READOUTS_PER_FRAME, Rate, Source,
     Timeline, Transfer,
 };
-use spikelane::scene::{self, KeyPlan, Lighting, Scene, SceneOptions};
-use spikelane::simulate::LightFacts;
-use spikelane::{Camera, Error, Kind, Result};
+use crate::scene::{self, KeyPlan, Lighting, Scene, SceneOptions};
+use crate::simulate::LightFacts;
+use crate::{Camera, Error, Kind, Result};
+use clap::ValueEnum;
+use clap::builder::PossibleValuesParser;
 
 use super::camera::exact_rate;
 

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::{Error, Result, storage};
 use clap_mangen::Man;
-use spikelane::{Error, Result, storage};
 
 use super::output::Out;
 use super::words;

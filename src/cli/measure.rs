@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
+use crate::error::{Error, Kind, Result};
+use crate::measure::{
+    Estimate, Line, Named, Options, Summary, frame_total_lines, high_pass, list, of_stream, summarise,
+};
+use crate::report::{Curve, Part, Table, bars, heat_map, page};
+use crate::simulate::Sidecar;
 use clap::Args as ClapArgs;
 use serde_json::json;
-use spikelane::error::{Error, Kind, Result};
-use spikelane::measure::{
-    Estimate, Line, Named, Options, Statistics, Summary, high_pass, list, of_stream, spectrum, summarise,
-};
-use spikelane::report::{Curve, Part, Table, bars, heat_map, page};
-use spikelane::simulate::Sidecar;
 
 use super::output::Out;
 use super::progress::Files;
@@ -30,9 +30,6 @@ pub struct Args {
     force: bool,
 }
 
-/// How far a line exceeds what is around it: far outside chance ([`spikelane::measure::Spectrum::lines`]).
-const LINE: f64 = 30.0;
-
 /// Runs the command.
 ///
 /// # Errors
@@ -50,7 +47,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     result["event"] = json!("done");
     let all = list(&statistics)?;
     result["statistics"] = serde_json::to_value(&all).map_err(wrong)?;
-    let lines = lines(&statistics)?;
+    let lines = frame_total_lines(&statistics)?;
     result["frame_total_lines"] = serde_json::to_value(&lines).map_err(wrong)?;
     let hz = Sidecar::beside(&args.file).ok().flatten().and_then(|(_, sidecar)| sidecar.readout_hz);
     let mut rows = rows(&summary, &all);
@@ -82,23 +79,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         parts.push(Part::figure(plot, "Share of intervals by length."));
     }
     let title = format!("Measured: {}", args.file.display());
-    spikelane::storage::write_small(path, page(&title, &parts)?.as_bytes(), args.force)
-}
-
-/// The three strongest lines of the frame totals' spectrum: what the light, or the supply, does at one
-/// frequency.
-fn lines(statistics: &Statistics) -> Result<Vec<Line>> {
-    let Some(frames) = &statistics.frames else { return Ok(Vec::new()) };
-    // Several segments make lines of chance rare; short recordings have too little for any.
-    let segment = (frames.totals.len() / 4).min(8192) & !1;
-    if segment < 64 {
-        return Ok(Vec::new());
-    }
-    let mut lines = spectrum(&frames.totals, segment)?.lines(LINE);
-    // A scene that moves drifts, which the window spreads over the lowest bins.
-    lines.retain(|line| line.frequency * segment as f64 > 3.5);
-    lines.truncate(3);
-    Ok(lines)
+    crate::storage::write_small(path, page(&title, &parts)?.as_bytes(), args.force)
 }
 
 fn told(line: &Line, readout_hz: Option<f64>) -> String {

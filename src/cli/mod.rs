@@ -34,11 +34,11 @@ mod verify;
 mod video;
 mod words;
 
-use std::process::ExitCode;
+use std::ffi::OsString;
 
+use crate::Result;
+use crate::kernels::Backend;
 use clap::{Parser, Subcommand};
-use spikelane::Result;
-use spikelane::kernels::Backend;
 
 use output::Out;
 
@@ -49,7 +49,7 @@ use output::Out;
 /// 7 output exists, 8 ffmpeg, 9 digest does not match, 130 interrupted.
 #[derive(Parser)]
 #[command(name = "spikelane", version, max_term_width = 100)]
-pub struct Cli {
+struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
     /// Print one JSON object a line to standard output; text for people goes to standard error
@@ -82,19 +82,22 @@ enum Command {
     Man(man::Args),
 }
 
-/// Parses, runs, and turns an error into its exit code.
-pub fn main() -> ExitCode {
-    let cli = match words::parse() {
+/// Parses `args`, the program's name first, runs the command, and returns the exit code: what `main` of the
+/// program does, for hosts that carry the command with them. It prints, and takes the process's Ctrl-C.
+pub fn main(args: impl IntoIterator<Item = impl Into<OsString>>) -> u8 {
+    let args: Vec<OsString> = args.into_iter().map(Into::into).collect();
+    let cli = match words::parse(&args) {
         Ok(cli) => cli,
-        Err(code) => return ExitCode::from(code),
+        Err(code) => return code,
     };
+    output::remember_command(&args);
     let out = Out::new(cli.json, cli.verbose);
     // The library falls back to the fastest; who asks for a backend by name wants that one.
     match Backend::from_environment().and_then(|_| dispatch(cli.command, &out)) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(error) => {
             out.error(&error);
-            ExitCode::from(error.kind().exit_code())
+            error.kind().exit_code()
         }
     }
 }

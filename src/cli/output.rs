@@ -1,9 +1,11 @@
 //! What the program says, and where: results to standard output, the rest to standard error.
 
+use std::ffi::OsString;
 use std::io::{ErrorKind, Write};
+use std::sync::Mutex;
 
+use crate::{Error, Result};
 use serde_json::{Value, json};
-use spikelane::{Error, Result};
 
 /// The two channels.
 #[derive(Clone, Copy, Debug)]
@@ -78,7 +80,17 @@ pub fn bytes_text(bytes: u64) -> String {
     if unit == 0 { format!("{bytes} bytes") } else { format!("{value:.1} {}", units[unit]) }
 }
 
+/// A process is one command; a host that runs several keeps the last.
+static COMMAND: Mutex<Vec<String>> = Mutex::new(Vec::new());
+
+/// Keeps the command line for [`command_line`].
+pub fn remember_command(args: &[OsString]) {
+    if let Ok(mut command) = COMMAND.lock() {
+        *command = args.iter().map(|a| a.to_string_lossy().into_owned()).collect();
+    }
+}
+
 /// The command line as it was given, for the sidecar.
 pub fn command_line() -> Vec<String> {
-    std::env::args_os().map(|a| a.to_string_lossy().into_owned()).collect()
+    COMMAND.lock().map(|command| command.clone()).unwrap_or_default()
 }

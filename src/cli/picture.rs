@@ -2,13 +2,13 @@
 
 use std::io::Cursor;
 
+use crate::formats::Reader;
+use crate::light::srgb_code;
+use crate::reconstruct::{tfi_at, tfp};
+use crate::simulate::Glance;
+use crate::spikes::{Packed, bit};
+use crate::{Error, Geometry, Kind, Result};
 use image::{GrayImage, ImageFormat, Luma, imageops};
-use spikelane::formats::Reader;
-use spikelane::light::srgb_code;
-use spikelane::reconstruct::{tfi_at, tfp};
-use spikelane::simulate::Glance;
-use spikelane::spikes::{Packed, bit};
-use spikelane::{Error, Geometry, Kind, Result};
 
 /// Readouts on either side in the sheet's TFP pictures: 8 ms at 20 kHz, in which a bar of the
 /// chart moves a quarter of its width.

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
+use crate::effects::Maps;
+use crate::simulate::{CameraFacts, save_camera};
+use crate::{Result, Seeds, presets};
 use clap::Subcommand;
 use serde_json::json;
-use spikelane::effects::Maps;
-use spikelane::simulate::{CameraFacts, save_camera};
-use spikelane::{Result, Seeds, presets};
 
 use super::camera::Changes;
 use super::output::Out;

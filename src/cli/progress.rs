@@ -1,13 +1,13 @@
 //! How far a run is, and the request to stop it.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
+use crate::report::with_known;
+use crate::{Error, Kind, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
-use spikelane::report::with_known;
-use spikelane::{Error, Kind, Result};
 
 use super::output::Out;
 
@@ -19,11 +19,17 @@ pub type Stop = Arc<AtomicBool>;
 
 /// A flag that Ctrl-C (or a polite kill) raises, so that unfinished files are removed in order.
 pub fn stop_flag() -> Result<Stop> {
+    // One handler a process, and one flag, which a second command of a host lowers again.
+    static STOP: OnceLock<Stop> = OnceLock::new();
+    if let Some(stop) = STOP.get() {
+        stop.store(false, Ordering::Relaxed);
+        return Ok(Arc::clone(stop));
+    }
     let stop = Arc::new(AtomicBool::new(false));
     let raised = Arc::clone(&stop);
     ctrlc::set_handler(move || raised.store(true, Ordering::Relaxed))
         .map_err(|e| Error::new(Kind::Io, "signal handler").found(e))?;
-    Ok(stop)
+    Ok(Arc::clone(STOP.get_or_init(|| stop)))
 }
 
 /// A bar on a terminal, events when asked for JSON.

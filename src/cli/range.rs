@@ -3,8 +3,8 @@
 use std::ops::Range;
 use std::str::FromStr;
 
-use spikelane::formats::Crop;
-use spikelane::{Error, Kind};
+use crate::formats::Crop;
+use crate::{Error, Kind};
 
 /// Readouts `A..B`, `A..` or `..B`; B is not in it.
 #[derive(Clone, Copy, Debug, Default)]

@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::formats::Reader;
+use crate::reconstruct::{isi_map, span, tfi_at, tfp};
+use crate::spikes::Packed;
+use crate::{Error, Geometry, Kind, Result, storage};
 use clap::ValueEnum;
 use serde_json::json;
-use spikelane::formats::Reader;
-use spikelane::reconstruct::{isi_map, span, tfi_at, tfp};
-use spikelane::spikes::Packed;
-use spikelane::{Error, Geometry, Kind, Result, storage};
 
 use super::output::Out;
 use super::picture::{around, bright, grey, png};

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, ValueEnum};
 
+use crate::calibrate::{Protocol, predict};
+use crate::effects::Camera;
+use crate::error::Result;
+use crate::formats::Layout;
 use serde_json::{Value, json};
-use spikelane::calibrate::{Protocol, predict};
-use spikelane::effects::Camera;
-use spikelane::error::Result;
-use spikelane::formats::Layout;
 
 use super::camera::CameraArgs;
 use super::output::{Out, bytes_text};

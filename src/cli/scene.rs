@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
+use crate::scene::{Lighting, Rendered, Samples, Scene, SceneOptions, labels};
+use crate::{Error, Kind, Result, storage};
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
-use spikelane::scene::{Lighting, Rendered, Samples, Scene, SceneOptions, labels};
-use spikelane::{Error, Kind, Result, storage};
 
 use super::output::Out;
 use super::progress::{Progress, stop_flag};

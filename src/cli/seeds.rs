@@ -1,6 +1,6 @@
 //! The three seeds, each with one name and one default in every command.
 
-use spikelane::draws::Seeds;
+use crate::draws::Seeds;
 
 /// Which noise and which camera of its kind.
 #[derive(clap::Args, Clone, Copy, Debug, Default)]

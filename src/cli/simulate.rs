@@ -3,16 +3,16 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use clap::builder::PossibleValuesParser;
-use serde_json::json;
-use spikelane::formats::{Layout, Reader};
-use spikelane::light::Frame;
-use spikelane::report::with_known;
-use spikelane::simulate::{
+use crate::formats::{Layout, Reader};
+use crate::light::Frame;
+use crate::report::with_known;
+use crate::simulate::{
     Ahead, CameraFacts, FrameRef, Looks, Outcome, Run, Sidecar, StreamFacts, Written, run_looking,
     save_camera,
 };
-use spikelane::{Backend, Camera, Error, Kind, Plan, Result, Seeds, Simulator, storage};
+use crate::{Backend, Camera, Error, Kind, Plan, Result, Seeds, Simulator, storage};
+use clap::builder::PossibleValuesParser;
+use serde_json::json;
 
 use super::camera::CameraArgs;
 use super::closing;
@@ -195,7 +195,7 @@ fn simulate(args: &Args, job: &Run, light: Light, stop: Stop, names: &Names, out
     let outcome = ran.map_err(|e| progress.cause(e))?;
     drop(progress);
     let seconds = start.elapsed().as_secs_f64();
-    if job.camera.maps != spikelane::effects::Maps::default() {
+    if job.camera.maps != crate::effects::Maps::default() {
         save_camera(&job.camera, &names.camera, args.force)?;
     }
     picture(args, job, &outcome, layout, names)?;
@@ -207,7 +207,7 @@ fn simulate(args: &Args, job: &Run, light: Light, stop: Stop, names: &Names, out
         images,
         clean: outcome.clean.as_ref().map(facts_of),
         seeds: Some(Sidecar::seed_facts(job.seeds)),
-        light: Some(spikelane::simulate::LightFacts {
+        light: Some(crate::simulate::LightFacts {
             frames: outcome.frames,
             greatest_light: outcome.greatest_light,
             frames_beyond_greatest_light: outcome.too_bright,

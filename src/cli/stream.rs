@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use crate::calibrate::RecordingSet;
+use crate::formats::{Layout, Lost, Opening, Origin, Reader, Readings};
+use crate::{Error, Geometry, Kind, Result};
 use clap::builder::PossibleValuesParser;
-use spikelane::calibrate::RecordingSet;
-use spikelane::formats::{Layout, Lost, Opening, Origin, Reader, Readings};
-use spikelane::{Error, Geometry, Kind, Result};
 
 use super::output::Out;
 

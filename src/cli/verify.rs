@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::formats::{EVENTS, Layout, Reader};
+use crate::simulate::{Sidecar, StreamFacts};
+use crate::{Error, Geometry, Kind, Result, spikes, storage};
 use serde_json::json;
-use spikelane::formats::{EVENTS, Layout, Reader};
-use spikelane::simulate::{Sidecar, StreamFacts};
-use spikelane::{Error, Geometry, Kind, Result, spikes, storage};
 
 use super::inspect::file_name;
 use super::output::Out;

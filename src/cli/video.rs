@@ -4,7 +4,7 @@ use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 
-use spikelane::{Error, Geometry, Kind, Result};
+use crate::{Error, Geometry, Kind, Result};
 
 /// What is pushed, picture by picture.
 #[derive(Clone, Copy, Debug)]

@@ -1,5 +1,6 @@
 //! What the program answers to words alone: help that opens with examples, and files given as commands.
 
+use std::ffi::OsString;
 use std::io::Write as _;
 use std::path::Path;
 
@@ -67,12 +68,12 @@ pub fn command() -> clap::Command {
     })
 }
 
-/// The arguments of this process.
+/// The arguments of a command line, the program's name first.
 ///
 /// # Errors
 /// The exit code, after the answer where they ask for help or make no sense.
-pub fn parse() -> Result<Cli, u8> {
-    let read = command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
+pub fn parse(args: &[OsString]) -> Result<Cli, u8> {
+    let read = command().try_get_matches_from(args).and_then(|matches| Cli::from_arg_matches(&matches));
     read.map_err(|error| {
         // Nobody is left to hear that the standard channels are closed.
         let _ = match meant(&error) {

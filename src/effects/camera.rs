@@ -4,6 +4,7 @@ use crate::draws::Seeds;
 use crate::error::{Error, Kind, Result};
 use crate::pixel::{Adaptation, Lag, Law, Op, Quanta, SlowNoise, Telegraph};
 use crate::sensor::{FrontEnd, Sensor};
+use crate::spikes::{Crop, Geometry};
 
 use super::circuit::Circuit;
 use super::definition::{Effect, Operating};
@@ -37,6 +38,8 @@ pub struct Camera {
     effects: Vec<Effect>,
     /// Measured maps.
     pub maps: Maps,
+    /// The whole sensor, and which of its pixels this camera is.
+    pub(super) window: Option<(Geometry, Crop)>,
 }
 
 impl Camera {
@@ -50,6 +53,7 @@ impl Camera {
             light: FrontEnd::default(),
             effects: Vec::new(),
             maps: Maps::default(),
+            window: None,
         }
     }
 
@@ -127,6 +131,9 @@ impl Camera {
     /// When a measured map has another size than the sensor, or an effect
     /// leaves a pixel without a positive threshold.
     pub fn model(&self, seeds: Seeds) -> Result<Model> {
+        if let Some((whole, crop)) = self.whole()? {
+            return whole.model(seeds).map(|model| model.window(crop));
+        }
         let sensor = self.sensor.validated()?;
         let mut circuit = Circuit::nominal(&sensor);
         let mut ops = Vec::new();
@@ -160,6 +167,20 @@ impl Maps {
             target.clone_from(map);
         }
         Ok(())
+    }
+}
+
+/// Shares of the pixel's own threshold, and charges in nominal thresholds, over which the charge at the
+/// first readout is uniform.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Phases(Vec<(f64, f64)>);
+
+impl Phases {
+    /// The charge of a pixel in nominal thresholds, from two uniform values.
+    #[must_use]
+    pub fn charge(&self, threshold: f64, first: f64, second: f64) -> f64 {
+        let charge = |&(share, charge): &(f64, f64)| share * first * threshold + charge * second;
+        self.0.iter().map(charge).sum()
     }
 }
 
@@ -289,14 +310,17 @@ impl Model {
     /// Charge at the first readout of a pixel, in nominal thresholds, from two uniform values.
     #[must_use]
     pub fn start_charge(&self, threshold: f64, first: f64, second: f64) -> f64 {
-        let phases = self.ops.iter().filter_map(|op| match *op {
-            Op::Phase { share, charge_fc } => {
-                let charge = charge_fc / self.circuit.threshold_fc();
-                Some(share * first * threshold + charge * second)
-            }
+        self.phases().charge(threshold, first, second)
+    }
+
+    /// What charges at the first readout are drawn from.
+    #[must_use]
+    pub fn phases(&self) -> Phases {
+        let of = |op: &Op| match *op {
+            Op::Phase { share, charge_fc } => Some((share, charge_fc / self.circuit.threshold_fc())),
             _ => None,
-        });
-        phases.sum()
+        };
+        Phases(self.ops.iter().filter_map(of).collect())
     }
 
     /// Electrons in a nominal threshold.

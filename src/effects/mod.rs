@@ -9,8 +9,9 @@
 mod camera;
 pub mod circuit;
 pub mod definition;
+mod window;
 
-pub use camera::{Camera, Maps, Model};
+pub use camera::{Camera, Maps, Model, Phases};
 pub use circuit::Circuit;
 pub use definition::{Definition, Effect, Moments, Operating, Param};
 

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Kind, Result};
 use crate::formats::{Layout, layouts};
-use crate::spikes::Geometry;
+use crate::spikes::{Geometry, pack_frame, unpack_frame};
 
 /// A layout that is known to hold a geometry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,7 +60,7 @@ impl Codec {
                 Layout::Rows416 => layouts::encode_rows416(packed, file),
                 Layout::Rows1024 => layouts::encode_rows1024(packed, file),
                 Layout::NpyBits | Layout::NpyBitsMsb => layouts::encode_bits(self.geometry, packed, file),
-                Layout::NpyBytes => layouts::encode_bytes(packed, file),
+                Layout::NpyBytes => unpack_frame(packed, file),
             }
             if self.layout.is_msb() {
                 file.iter_mut().for_each(|b| *b = b.reverse_bits());
@@ -97,7 +97,7 @@ impl Codec {
                 Layout::NpyBits => layouts::decode_bits(self.geometry, file, packed),
                 Layout::NpyBitsMsb => layouts::decode_bits(self.geometry, &turned, packed),
                 Layout::NpyBytes => {
-                    layouts::decode_bytes(file, packed).map_err(|p| self.no_bit(i, p, file[p]))?;
+                    pack_frame(file, packed).map_err(|p| self.no_bit(i, p, file[p]))?;
                 }
             }
         }

@@ -5,48 +5,17 @@ use std::ops::Range;
 use crate::error::{Error, Kind, Result};
 use crate::formats::layouts::copy_bits;
 use crate::formats::{Finished, Reader, StreamWriter};
-use crate::spikes::Geometry;
+use crate::spikes::{Crop, Geometry};
 
 /// Bytes of packed frames in hand at a time.
 const BATCH: usize = 4 << 20;
 
-/// A rectangle of pixels, `x` from the left and `y` from the top.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Crop {
-    /// First column.
-    pub x: usize,
-    /// First row.
-    pub y: usize,
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-}
-
-impl Crop {
-    /// The geometry of the cropped stream.
-    ///
-    /// # Errors
-    /// [`Kind::Usage`] when the rectangle is empty or leaves the frame.
-    pub fn geometry(&self, of: Geometry) -> Result<Geometry> {
-        let inside =
-            |start: usize, len, whole| len > 0 && start.checked_add(len).is_some_and(|end| end <= whole);
-        let side = |n| u32::try_from(n).unwrap_or(u32::MAX);
-        if inside(self.x, self.width, of.width()) && inside(self.y, self.height, of.height()) {
-            return Geometry::new(side(self.width), side(self.height));
-        }
-        Err(Error::new(Kind::Usage, "crop")
-            .found(format_args!("{}x{} at x {}, y {}", self.width, self.height, self.x, self.y))
-            .expected(format_args!("a rectangle of pixels within {of}")))
-    }
-
-    /// Cuts the rectangle out of one packed frame of geometry `of`.
-    fn cut(&self, of: Geometry, from: &[u8], to: &mut [u8]) {
-        to.fill(0);
-        for row in 0..self.height {
-            let start = (self.y + row) * of.width() + self.x;
-            copy_bits(to, row * self.width, from, start, self.width);
-        }
+/// Cuts the rectangle out of one packed frame of geometry `of`.
+fn cut(crop: Crop, of: Geometry, from: &[u8], to: &mut [u8]) {
+    to.fill(0);
+    for row in 0..crop.height {
+        let start = (crop.y + row) * of.width() + crop.x;
+        copy_bits(to, row * crop.width, from, start, crop.width);
     }
 }
 
@@ -97,7 +66,7 @@ pub(super) fn batches(
     let (size, cut_size) = (from.frame_bytes(), to.frame_bytes());
     let step = (BATCH / size).max(1).min(readouts.len().max(1));
     let mut packed = vec![0; step * size];
-    let mut cut = crop.map(|_| vec![0; step * cut_size]).unwrap_or_default();
+    let mut cut_out = crop.map(|_| vec![0; step * cut_size]).unwrap_or_default();
     for first in readouts.clone().step_by(step) {
         let frames = step.min(readouts.end - first);
         let packed = &mut packed[..frames * size];
@@ -106,10 +75,10 @@ pub(super) fn batches(
         let out = match crop {
             None => &*packed,
             Some(crop) => {
-                let cut = &mut cut[..frames * cut_size];
-                let pairs = packed.chunks_exact(size).zip(cut.chunks_exact_mut(cut_size));
-                pairs.for_each(|(a, b)| crop.cut(from, a, b));
-                &*cut
+                let out = &mut cut_out[..frames * cut_size];
+                let pairs = packed.chunks_exact(size).zip(out.chunks_exact_mut(cut_size));
+                pairs.for_each(|(a, b)| cut(crop, from, a, b));
+                &*out
             }
         };
         take(out)?;

@@ -17,7 +17,7 @@ mod size;
 mod writer;
 
 pub use codec::Codec;
-pub use convert::{Crop, convert};
+pub use convert::convert;
 pub use events::{EVENTS, write_events};
 pub use opening::{Lost, Opening, Origin};
 pub use reader::{Frames, Reader};
@@ -26,6 +26,7 @@ pub use sidecar::candidates as sidecar_paths;
 pub use writer::{Finished, StreamWriter};
 
 use crate::error::{Error, Kind, Result};
+pub use crate::spikes::Crop;
 use crate::spikes::Geometry;
 
 /// The longest stream: offsets in files have 63 bits, and a header needs some room.

@@ -1,6 +1,7 @@
 //! One picture of linear light, and whatever yields a row of them.
 
 use crate::error::{Error, Kind, Result};
+use crate::kernels;
 use crate::light::Rate;
 use crate::sensor::{FrontEnd, Transfer};
 use crate::spikes::Geometry;
@@ -36,6 +37,16 @@ impl Samples {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+
+    /// The samples as kernels take them.
+    #[must_use]
+    pub fn borrowed(&self) -> kernels::Samples<'_> {
+        match self {
+            Self::U8(v) => kernels::Samples::U8(v),
+            Self::U16(v) => kernels::Samples::U16(v),
+            Self::F32(v) => kernels::Samples::F32(v),
+        }
     }
 }
 

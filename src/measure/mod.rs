@@ -52,7 +52,7 @@ pub use maps::{
     select_smooth,
 };
 #[cfg(feature = "files")]
-pub use spectrum::{Line, Spectrum, spectrum};
+pub use spectrum::{Line, Spectrum, frame_total_lines, spectrum};
 #[cfg(all(feature = "files", feature = "threads"))]
 pub use stream::of_stream;
 pub use summary::{Defects, Summary, borders, dsnu_prnu, summarise};

@@ -3,6 +3,7 @@
 use realfft::RealFftPlanner;
 
 use crate::error::{Error, Kind, Result};
+use crate::measure::Statistics;
 
 /// A power spectrum by Welch's method.
 #[derive(Clone, Debug, serde::Serialize)]
@@ -117,4 +118,26 @@ impl Spectrum {
         lines.sort_by(|a, b| b.prominence.total_cmp(&a.prominence));
         lines
     }
+}
+
+/// How far a line exceeds what is around it: far outside chance ([`Spectrum::lines`]).
+const LINE: f64 = 30.0;
+
+/// The three strongest lines of the frame totals' spectrum: what the light, or the supply, does at one
+/// frequency. None where frames were not measured.
+///
+/// # Errors
+/// As [`spectrum`].
+pub fn frame_total_lines(statistics: &Statistics) -> Result<Vec<Line>> {
+    let Some(frames) = &statistics.frames else { return Ok(Vec::new()) };
+    // Several segments make lines of chance rare; short recordings have too little for any.
+    let segment = (frames.totals.len() / 4).min(8192) & !1;
+    if segment < 64 {
+        return Ok(Vec::new());
+    }
+    let mut lines = spectrum(&frames.totals, segment)?.lines(LINE);
+    // A scene that moves drifts, which the window spreads over the lowest bins.
+    lines.retain(|line| line.frequency * segment as f64 > 3.5);
+    lines.truncate(3);
+    Ok(lines)
 }

@@ -14,6 +14,7 @@ mod further;
 mod scale;
 mod state;
 mod tables;
+mod window;
 
 pub use bounds::Bounds;
 pub use further::{Further, Late, Losses, Rise, Switch, Wander};
@@ -22,7 +23,7 @@ pub(crate) use state::{ADAPTED, LATE, LOW, SLOW};
 pub use state::{State, StateParts};
 pub use tables::{Flip, NoiseTable, Rules, Shot, Tables};
 
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 use crate::draws::hash::Clock;
 use crate::draws::{Seeds, Stream, poisson};
@@ -30,6 +31,7 @@ use crate::effects::{Camera, Model};
 use crate::error::{Error, Kind, Result};
 use crate::pixel::Law;
 use crate::spikes::Geometry;
+use state::Origin;
 
 /// Tables are padded to a multiple of this many pixels.
 pub const LANES: usize = 64;
@@ -94,9 +96,10 @@ pub struct Plan {
     seeds: Seeds,
     greatest_light: f64,
     steps: u32,
-    tables: Tables,
+    tables: Arc<Tables>,
     rules: Rules,
-    further: Option<Further>,
+    further: Option<Arc<Further>>,
+    origin: Arc<Origin>,
     losses: Losses,
     clocks: Clocks,
     counts: Option<&'static poisson::Tables>,
@@ -125,6 +128,9 @@ impl Plan {
                 .found(greatest_light)
                 .expected("a finite number of full scales, zero or more"));
         }
+        if let Some((whole, crop)) = camera.whole()? {
+            return Self::with_light(&whole, seeds, greatest_light)?.window(crop);
+        }
         Self::of_model(&camera.model(seeds)?, seeds, greatest_light)
     }
 
@@ -138,7 +144,8 @@ impl Plan {
         let scale = scale::choose(model, &laws, greatest_light)?;
         let (tables, rules, further) = tables::build(model, &laws, &scale, greatest_light);
         let losses = Losses::of(model);
-        let start = state::start(model, &laws, seeds, &tables, &rules, further.as_ref(), losses);
+        let origin = Origin::of(model, &laws);
+        let start = state::start(&origin, seeds, &tables, &rules, further.as_ref(), losses);
         let counts = tables.shot.as_ref().map(|_| &*COUNTS);
         Ok(Self {
             geometry,
@@ -147,13 +154,39 @@ impl Plan {
             steps: scale.steps,
             bounds: bounds::of(&scale),
             clocks: Clocks::new(seeds),
-            tables,
+            tables: Arc::new(tables),
             rules,
-            further,
+            further: further.map(Arc::new),
+            origin: Arc::new(origin),
             losses,
             counts,
             start,
         })
+    }
+
+    /// This plan for another recording of the same camera: the tables stay, clocks and start state are
+    /// drawn anew. The same as a new plan with these seeds, in a small part of the time; the tables are shared.
+    ///
+    /// # Errors
+    /// When `seeds.camera` is another than this plan's: that camera has another fixed pattern.
+    pub fn with_seeds(&self, seeds: Seeds) -> Result<Self> {
+        let mut plan = self.clone();
+        plan.reseed(seeds)?;
+        Ok(plan)
+    }
+
+    pub(crate) fn reseed(&mut self, seeds: Seeds) -> Result<()> {
+        if seeds.camera != self.seeds.camera {
+            return Err(Error::new(Kind::Usage, "camera seed")
+                .found(seeds.camera)
+                .expected(format_args!("{}, whose fixed pattern this plan has", self.seeds.camera))
+                .remedy("plan the other camera anew"));
+        }
+        self.seeds = seeds;
+        self.clocks = Clocks::new(seeds);
+        let further = self.further.as_deref();
+        self.start = state::start(&self.origin, seeds, &self.tables, &self.rules, further, self.losses);
+        Ok(())
     }
 
     /// Width and height.
@@ -199,14 +232,14 @@ impl Plan {
     #[must_use]
     #[inline]
     pub fn further(&self) -> Option<&Further> {
-        self.further.as_ref()
+        self.further.as_deref()
     }
 
     /// Whether pixels act on each other, so that a batch is one tile or one readout.
     #[must_use]
     #[inline]
     pub fn couples(&self) -> bool {
-        self.further.as_ref().is_some_and(Further::couples)
+        self.further().is_some_and(Further::couples)
     }
 
     /// Whole readouts that go wrong.

@@ -2,12 +2,12 @@
 
 use crate::draws::hash::{Clock, half, key};
 use crate::draws::{Seeds, Stream, gauss};
-use crate::effects::Model;
+use crate::effects::{Model, Phases};
 use crate::error::{Error, Kind, Result};
 use crate::pixel::{Law, Redraw};
-use crate::plan::LANES;
 use crate::plan::further::{Further, Losses};
 use crate::plan::tables::{NoiseTable, Rules, Tables};
+use crate::spikes::{Crop, Geometry};
 
 /// The pixels' state, one entry a pixel, padded like the tables.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -220,16 +220,39 @@ pub(crate) const FLIP: u16 = 0x8000;
 /// The readout whose draw is frozen before the first one.
 pub(crate) const BEFORE_FIRST: u64 = u64::MAX;
 
+/// What charges at the first readout are drawn from.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Origin {
+    geometry: Geometry,
+    phases: Phases,
+    /// Thresholds of the pixels in nominal ones, before they were rounded.
+    thresholds: Vec<f64>,
+}
+
+impl Origin {
+    pub fn of(model: &Model, laws: &[Law]) -> Self {
+        Self {
+            geometry: model.circuit.geometry,
+            phases: model.phases(),
+            thresholds: laws.iter().map(|law| law.threshold).collect(),
+        }
+    }
+
+    pub fn window(&self, crop: Crop, geometry: Geometry) -> Self {
+        let thresholds = crop.pick(self.geometry, &self.thresholds);
+        Self { geometry, phases: self.phases.clone(), thresholds }
+    }
+}
+
 pub(super) fn start(
-    model: &Model,
-    laws: &[Law],
+    origin: &Origin,
     seeds: Seeds,
     tables: &Tables,
     rules: &Rules,
     further: Option<&Further>,
     losses: Losses,
 ) -> State {
-    let padded = laws.len().next_multiple_of(LANES);
+    let padded = tables.threshold.len();
     let clock = Clock::new(seeds, Stream::named("start_phase"));
     let asks_fired = rules.lost_increment != 0.0 || further.is_some_and(Further::couples);
     let mut state = State {
@@ -239,12 +262,12 @@ pub(super) fn start(
         fired: if asks_fired { vec![0; padded] } else { Vec::new() },
         ..State::default()
     };
-    for (p, law) in laws.iter().enumerate() {
+    for (p, &exact) in origin.thresholds.iter().enumerate() {
         let threshold = f64::from(tables.threshold[p]);
         let bits = clock.once(p as u32);
         let unit = |b: u32| f64::from(b) / 4_294_967_296.0;
-        let charge = model.start_charge(law.threshold, unit((bits >> 32) as u32), unit(bits as u32));
-        let fixed = (charge * threshold / law.threshold * 65_536.0) as i64;
+        let charge = origin.phases.charge(exact, unit((bits >> 32) as u32), unit(bits as u32));
+        let fixed = (charge * threshold / exact * 65_536.0) as i64;
         let mut above = (fixed >> 16) - i64::from(tables.threshold[p]);
         if rules.surplus && above >= 0 {
             let whole = (above / i64::from(tables.threshold[p]) + 1).min(i64::from(i16::MAX));
@@ -261,7 +284,7 @@ pub(super) fn start(
         linger(&mut state, seeds, further);
     }
     if losses.repeated != 0 {
-        state.last = vec![0; model.circuit.geometry.frame_bytes().div_ceil(2)];
+        state.last = vec![0; origin.geometry.frame_bytes().div_ceil(2)];
     }
     state
 }

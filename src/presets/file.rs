@@ -2,15 +2,16 @@
 
 use std::path::Path;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use toml::Table;
 use toml::Value;
 
 use crate::effects::{self, Camera};
 use crate::error::{Error, Kind, Result};
+use crate::presets::maps::{Files, Folder};
 use crate::presets::{default_sensor, light, maps};
 use crate::sensor::Sensor;
-use crate::spikes::Geometry;
+use crate::spikes::{Crop, Geometry};
 use crate::units::Unit;
 
 #[derive(Deserialize)]
@@ -28,6 +29,27 @@ struct File {
     effects: Table,
     #[serde(default)]
     maps: maps::Table,
+    window: Option<WindowTable>,
+}
+
+/// The part of the sensor that the camera is, in pixels.
+#[derive(Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct WindowTable {
+    row: usize,
+    col: usize,
+    height: usize,
+    width: usize,
+}
+
+impl WindowTable {
+    pub fn of(crop: Crop) -> Self {
+        Self { row: crop.y, col: crop.x, height: crop.height, width: crop.width }
+    }
+
+    fn crop(&self) -> Crop {
+        Crop { x: self.col, y: self.row, width: self.width, height: self.height }
+    }
 }
 
 #[derive(Default, Deserialize)]
@@ -45,8 +67,12 @@ struct SensorTable {
 ///
 /// # Errors
 /// When the text is no TOML, a key is unknown, a unit wrong or missing, a
-/// value out of range, or a map missing or changed.
+/// value out of range, a map missing or changed, or the window outside the sensor.
 pub fn parse(text: &str, folder: Option<&Path>) -> Result<Camera> {
+    parse_with(text, &Folder(folder))
+}
+
+pub(super) fn parse_with(text: &str, maps: &dyn Files) -> Result<Camera> {
     let file: File = toml::from_str(text).map_err(|e| {
         Error::new(Kind::Config, "camera file")
             .found(e.to_string().trim_end())
@@ -59,8 +85,13 @@ pub fn parse(text: &str, folder: Option<&Path>) -> Result<Camera> {
     for (name, table) in &file.effects {
         camera = camera.with(effect(name, table).map_err(|e| e.within(format_args!("effects.{name}")))?);
     }
-    camera.maps = file.maps.load(folder, camera.sensor.geometry)?;
-    Ok(camera)
+    camera.maps = file.maps.load(maps, camera.sensor.geometry)?;
+    match &file.window {
+        None => Ok(camera),
+        Some(window) => camera
+            .window(window.crop())
+            .map_err(|e| Error::new(Kind::Config, "window").found(e).expected("a rectangle of the sensor")),
+    }
 }
 
 fn sensor(table: &SensorTable) -> Result<Sensor> {
@@ -72,22 +103,30 @@ fn sensor(table: &SensorTable) -> Result<Sensor> {
     )
     .map_err(|e| Error::new(Kind::Config, e.to_string()))?;
     let quantities = [
-        ("readout_rate", &table.readout_rate, Unit::Hertz, &mut sensor.readout_hz),
-        ("capacitance", &table.capacitance, Unit::Femtofarad, &mut sensor.capacitance_ff),
-        ("swing", &table.swing, Unit::Volt, &mut sensor.swing_v),
-        (
-            "thresholds_at_full_scale",
-            &table.thresholds_at_full_scale,
-            Unit::One,
-            &mut sensor.thresholds_at_full_scale,
-        ),
+        (&table.readout_rate, &mut sensor.readout_hz),
+        (&table.capacitance, &mut sensor.capacitance_ff),
+        (&table.swing, &mut sensor.swing_v),
+        (&table.thresholds_at_full_scale, &mut sensor.thresholds_at_full_scale),
     ];
-    for (key, value, unit, target) in quantities {
+    for ((key, unit), (value, target)) in QUANTITIES.into_iter().zip(quantities) {
         if let Some(value) = value {
             *target = unit.parse(&text_of(value)).map_err(|e| e.within(key))?;
         }
     }
     sensor.validated()
+}
+
+/// The numbers of `[sensor]` that have a unit or none, but are no pixels.
+const QUANTITIES: [(&str, Unit); 4] = [
+    ("readout_rate", Unit::Hertz),
+    ("capacitance", Unit::Femtofarad),
+    ("swing", Unit::Volt),
+    ("thresholds_at_full_scale", Unit::One),
+];
+
+/// The unit of a number of `[sensor]`; `None` for another key.
+pub(super) fn number_unit(key: &str) -> Option<Unit> {
+    QUANTITIES.iter().find(|q| q.0 == key).map(|q| q.1)
 }
 
 fn effect(name: &str, table: &Value) -> Result<effects::Effect> {
@@ -102,7 +141,7 @@ fn effect(name: &str, table: &Value) -> Result<effects::Effect> {
 }
 
 /// A value as the text that [`Unit::parse`] reads: bare numbers keep no unit.
-fn text_of(value: &Value) -> String {
+pub(super) fn text_of(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
         Value::Float(number) => number.to_string(),

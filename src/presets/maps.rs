@@ -1,5 +1,6 @@
 //! Per-pixel maps beside a camera file: `.npy` by relative path and digest.
 
+use std::borrow::Cow;
 use std::path::{Component, Path};
 
 use serde::{Deserialize, Serialize};
@@ -30,12 +31,35 @@ pub(super) struct Table {
     pub swing_v: Option<Entry>,
 }
 
+/// Where the maps of a camera file lie.
+pub(super) trait Files {
+    /// The bytes of `file`, and what to call it in errors.
+    fn read(&self, file: &str) -> Result<(Cow<'_, [u8]>, String)>;
+}
+
+/// Files in a folder, if there is one.
+pub(super) struct Folder<'a>(pub Option<&'a Path>);
+
+impl Files for Folder<'_> {
+    fn read(&self, file: &str) -> Result<(Cow<'_, [u8]>, String)> {
+        let relative = Path::new(file);
+        let inside = relative.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+        let (Some(folder), true) = (self.0, inside) else {
+            return Err(Error::new(Kind::Config, file)
+                .expected("a path relative to the camera file, inside its folder"));
+        };
+        let path = folder.join(relative);
+        let bytes = std::fs::read(&path).map_err(|e| Error::io(path.display(), e))?;
+        Ok((Cow::Owned(bytes), path.display().to_string()))
+    }
+}
+
 impl Table {
-    pub fn load(&self, folder: Option<&Path>, geometry: Geometry) -> Result<Maps> {
+    pub fn load(&self, files: &dyn Files, geometry: Geometry) -> Result<Maps> {
         let load = |key: &str, entry: &Option<Entry>| match entry {
             None => Ok(None),
             Some(entry) => {
-                let map = entry.load(folder, geometry);
+                let map = entry.load(files, geometry);
                 map.map(Some).map_err(|e| e.within(format_args!("maps.{key}")))
             }
         };
@@ -53,23 +77,16 @@ pub(super) fn digest(bytes: &[u8]) -> String {
 }
 
 impl Entry {
-    fn load(&self, folder: Option<&Path>, geometry: Geometry) -> Result<Vec<f64>> {
-        let relative = Path::new(&self.file);
-        let inside = relative.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
-        let (Some(folder), true) = (folder, inside) else {
-            return Err(Error::new(Kind::Config, &self.file)
-                .expected("a path relative to the camera file, inside its folder"));
-        };
-        let path = folder.join(relative);
-        let bytes = std::fs::read(&path).map_err(|e| Error::io(path.display(), e))?;
+    fn load(&self, files: &dyn Files, geometry: Geometry) -> Result<Vec<f64>> {
+        let (bytes, name) = files.read(&self.file)?;
         let found = digest(&bytes);
         if found != self.digest {
-            return Err(Error::new(Kind::Corrupt, path.display())
+            return Err(Error::new(Kind::Corrupt, name)
                 .found(found)
                 .expected(&self.digest)
                 .remedy("restore the map that belongs to this camera file"));
         }
-        read(&bytes, geometry).map_err(|e| e.within(path.display()))
+        read(&bytes, geometry).map_err(|e| e.within(name))
     }
 }
 

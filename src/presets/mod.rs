@@ -1,10 +1,14 @@
 //! Cited cameras and models, and camera files: TOML with units.
 
+mod bytes;
+mod distribution;
 mod file;
 mod light;
 mod maps;
 mod write;
 
+pub use bytes::{from_bytes, to_bytes};
+pub use distribution::{Distribution, Range};
 pub use file::parse;
 pub use write::{Saved, to_toml};
 

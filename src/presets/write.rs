@@ -7,6 +7,7 @@ use serde::Serialize;
 use crate::effects::Camera;
 use crate::effects::definition::{Form, Param};
 use crate::error::{Error, Kind, Result};
+use crate::presets::file::WindowTable;
 use crate::presets::{light, maps};
 use crate::units::Unit;
 
@@ -19,6 +20,8 @@ struct File<'a> {
     light: Option<light::Table>,
     effects: BTreeMap<&'static str, BTreeMap<&'static str, Value>>,
     maps: maps::Table,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    window: Option<WindowTable>,
 }
 
 #[derive(Serialize)]
@@ -59,8 +62,9 @@ pub struct Saved {
 /// The camera file of `camera`; [`super::parse`] reads it back.
 ///
 /// # Errors
-/// When the camera's maps have another size than its sensor.
+/// When the camera's maps have another size than its sensor, or that was changed after a window was cut.
 pub fn to_toml(camera: &Camera) -> Result<Saved> {
+    camera.whole()?;
     let mut saved = Vec::new();
     let effects = camera.effects().iter().map(|effect| {
         let params = effect.definition().params.iter().zip(effect.values());
@@ -72,8 +76,8 @@ pub fn to_toml(camera: &Camera) -> Result<Saved> {
         name: &camera.name,
         source: &camera.source,
         sensor: SensorTable {
-            width: sensor.geometry.width(),
-            height: sensor.geometry.height(),
+            width: camera.whole_geometry().width(),
+            height: camera.whole_geometry().height(),
             readout_rate: Unit::Hertz.format(sensor.readout_hz),
             capacitance: Unit::Femtofarad.format(sensor.capacitance_ff),
             swing: Unit::Volt.format(sensor.swing_v),
@@ -82,13 +86,14 @@ pub fn to_toml(camera: &Camera) -> Result<Saved> {
         light: light::Table::of(&camera.light),
         effects: effects.collect(),
         maps: map_table(camera, &mut saved)?,
+        window: camera.place().map(WindowTable::of),
     };
     let text = toml::to_string(&file).map_err(|e| Error::new(Kind::Config, "camera file").found(e))?;
     Ok(Saved { text, maps: saved })
 }
 
 fn map_table(camera: &Camera, saved: &mut Vec<(String, Vec<u8>)>) -> Result<maps::Table> {
-    let geometry = camera.sensor.geometry;
+    let geometry = camera.whole_geometry();
     let mut entry = |name: &str, map: &Option<Vec<f64>>| -> Result<Option<maps::Entry>> {
         let Some(map) = map else { return Ok(None) };
         if map.len() != geometry.pixels() {

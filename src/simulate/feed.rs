@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::kernels::{self, Light, Segment};
+use crate::kernels::{Light, Segment};
 use crate::light::{Between, Frame, Insertion, Samples, Source, Timeline};
 
 /// Light of some readouts of a batch: one frame, or the way to the next.
@@ -16,9 +16,9 @@ pub(super) struct Piece {
 
 impl Piece {
     pub fn segment(&self) -> Segment<'_> {
-        let from = samples(&self.from);
+        let from = self.from.samples().borrowed();
         let light = match &self.to {
-            Some(to) => Light::Between { from, to: samples(to), weights: &self.weights },
+            Some(to) => Light::Between { from, to: to.samples().borrowed(), weights: &self.weights },
             None => Light::Held(from),
         };
         Segment { readouts: self.readouts, light }
@@ -33,17 +33,9 @@ impl Piece {
     }
 }
 
-fn samples(frame: &Frame) -> kernels::Samples<'_> {
-    match frame.samples() {
-        Samples::U8(v) => kernels::Samples::U8(v),
-        Samples::U16(v) => kernels::Samples::U16(v),
-        Samples::F32(v) => kernels::Samples::F32(v),
-    }
-}
-
 /// The light of a frame that is held.
 pub(super) fn held(frame: &Frame) -> Light<'_> {
-    Light::Held(samples(frame))
+    Light::Held(frame.samples().borrowed())
 }
 
 fn bytes(frame: &Frame) -> usize {

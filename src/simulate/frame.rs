@@ -42,6 +42,12 @@ impl<'a> FrameRef<'a> {
         Self::dense(Samples::F32(samples), geometry)
     }
 
+    /// The samples as they were given.
+    #[must_use]
+    pub fn samples(self) -> Samples<'a> {
+        self.samples
+    }
+
     /// The samples without gaps, checked.
     pub(super) fn checked(self, geometry: Geometry) -> Result<Dense<'a>> {
         let (width, height) = (geometry.width(), geometry.height());

@@ -5,10 +5,13 @@ mod ahead;
 #[cfg(feature = "files")]
 mod feed;
 mod frame;
+mod frames;
 #[cfg(feature = "files")]
 mod images;
 #[cfg(feature = "files")]
 mod looks;
+#[cfg(feature = "threads")]
+mod pool;
 #[cfg(feature = "files")]
 mod run;
 mod segments;
@@ -26,6 +29,8 @@ pub use frame::FrameRef;
 pub use images::{ImageFacts, ImageFile, ImageForm, linear_png};
 #[cfg(feature = "files")]
 pub use looks::{Glance, Looks, light_at};
+#[cfg(feature = "threads")]
+pub use pool::Pool;
 #[cfg(feature = "files")]
 pub use run::{Outcome, Run, Written, run, run_looking};
 #[cfg(feature = "files")]

@@ -4,16 +4,14 @@ use crate::error::{Error, Kind, Result};
 use crate::kernels::{self, Backend, Batch, Job, Light, Segment};
 use crate::plan::{OTHER_PLAN, Plan, State, StateParts};
 use crate::simulate::FrameRef;
+#[cfg(feature = "threads")]
+use crate::simulate::Pool;
 use crate::simulate::segments::{batches, between, split};
 use crate::simulate::tiles::{gather, tile_of};
 
 /// Readouts of a batch: long enough that loading a vector's tables costs
 /// nothing, short enough that a tile's bits stay in cache.
-const BATCH: usize = 128;
-
-/// Stack of a thread in bytes.
-#[cfg(feature = "threads")]
-const STACK: usize = 16 << 20;
+pub(super) const BATCH: usize = 128;
 
 /// A camera at work: push light, receive packed readouts.
 ///
@@ -75,19 +73,29 @@ impl Simulator {
     /// # Errors
     /// When the system gives no threads.
     #[cfg(feature = "threads")]
-    pub fn with_threads(mut self, threads: usize) -> Result<Self> {
-        self.tile = tile_of(&self.plan, threads);
+    pub fn with_threads(self, threads: usize) -> Result<Self> {
+        Ok(self.with_pool(&Pool::new(threads)?))
+    }
+
+    /// This simulator on the threads of `pool`, which others may share; the bits stay the same.
+    #[cfg(feature = "threads")]
+    #[must_use]
+    pub fn with_pool(mut self, pool: &Pool) -> Self {
+        self.tile = tile_of(&self.plan, pool.threads());
         self.bits.resize(self.plan.padded().div_ceil(self.tile), Vec::new());
-        if threads <= 1 {
-            self.pool = None;
-            return Ok(self);
-        }
-        // Without optimisation, as in a dependant's debug build, the kernels' frames overflow the
-        // usual 2 MiB; what is not touched costs nothing.
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(STACK).build();
-        let pool = pool.map_err(|e| Error::new(Kind::Io, "threads").found(e))?;
-        self.pool = Some(std::sync::Arc::new(pool));
-        Ok(self)
+        self.pool = pool.0.clone();
+        self
+    }
+
+    /// Starts anew as another recording of the same camera: the simulator of
+    /// [`Plan::with_seeds`], which keeps its tables, backend and threads.
+    ///
+    /// # Errors
+    /// When `seeds.camera` is another than the plan's.
+    pub fn restart(&mut self, seeds: Seeds) -> Result<()> {
+        self.plan.reseed(seeds)?;
+        self.state = self.plan.start();
+        Ok(())
     }
 
     /// The plan.
@@ -205,7 +213,7 @@ impl Simulator {
         work(self, between(&from, &to, weights)?)
     }
 
-    fn has_room(&self, readouts: usize, out: &[u8]) -> Result<()> {
+    pub(super) fn has_room(&self, readouts: usize, out: &[u8]) -> Result<()> {
         let room = self.readouts(out)?;
         if room < readouts {
             return Err(Error::new(Kind::Usage, "output buffer")
@@ -215,7 +223,7 @@ impl Simulator {
         Ok(())
     }
 
-    fn readouts(&self, out: &[u8]) -> Result<usize> {
+    pub(super) fn readouts(&self, out: &[u8]) -> Result<usize> {
         let bytes = self.plan.geometry().frame_bytes();
         if !out.len().is_multiple_of(bytes) {
             return Err(Error::new(Kind::Usage, "output buffer")

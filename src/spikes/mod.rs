@@ -6,6 +6,14 @@
 //! frame starts at a whole byte. A stream is its frames, one after the other.
 //! Files may order things differently; the stream formats translate.
 
+mod bytes;
+mod crop;
+
+pub use bytes::{pack, unpack};
+#[cfg(feature = "files")]
+pub(crate) use bytes::{pack_frame, unpack_frame};
+pub use crop::Crop;
+
 use crate::error::{Error, Kind, Result};
 
 /// The largest number of pixels of a sensor: addresses of draws are 32 bits

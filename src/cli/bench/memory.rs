@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use spikelane::effects::find;
-use spikelane::kernels::{self, Batch, Job, Light, Samples, Segment};
-use spikelane::simulate::FrameRef;
-use spikelane::spikes::count;
-use spikelane::{Backend, Camera, Plan, Result, Seeds, Sensor, Simulator};
+use crate::effects::find;
+use crate::kernels::{self, Batch, Job, Light, Samples, Segment};
+use crate::simulate::FrameRef;
+use crate::spikes::count;
+use crate::{Backend, Camera, Plan, Result, Seeds, Sensor, Simulator};
 
 use super::report::Row;
 use super::timing::rate;

@@ -10,8 +10,8 @@ mod timing;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use crate::{Backend, Error, Kind, Result};
 use clap::Args;
-use spikelane::{Backend, Error, Kind, Result};
 
 use memory::{Noise, frames};
 use report::{Fact, Machine, Report};

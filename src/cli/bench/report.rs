@@ -5,8 +5,8 @@ use std::path::Path;
 use std::process::Command;
 use std::time::SystemTime;
 
+use crate::{Error, Result};
 use serde_json::{Value, json};
-use spikelane::{Error, Result};
 
 use super::scenes::Drawn;
 

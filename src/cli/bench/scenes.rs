@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
+use crate::Result;
+use crate::scene::{Lighting, Samples, Scene, SceneOptions, Warp};
 use serde_json::{Value, json};
-use spikelane::Result;
-use spikelane::scene::{Lighting, Samples, Scene, SceneOptions, Warp};
 
 use super::timing::rate;
 

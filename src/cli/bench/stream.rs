@@ -4,13 +4,13 @@ use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use spikelane::formats::{Codec, Layout, Reader, StreamWriter, convert};
-use spikelane::light::{Frame, Rate, Samples, Source, Timeline};
-use spikelane::measure::{Accumulator, Options};
-use spikelane::reconstruct::{tfi, tfp};
-use spikelane::simulate::{FrameRef, Run, run};
-use spikelane::spikes::{Geometry, Packed};
-use spikelane::{Result, Seeds, Simulator};
+use crate::formats::{Codec, Layout, Reader, StreamWriter, convert};
+use crate::light::{Frame, Rate, Samples, Source, Timeline};
+use crate::measure::{Accumulator, Options};
+use crate::reconstruct::{tfi, tfp};
+use crate::simulate::{FrameRef, Run, run};
+use crate::spikes::{Geometry, Packed};
+use crate::{Result, Seeds, Simulator};
 
 use super::memory::{Noise, frames};
 use super::report::{Fact, Row};

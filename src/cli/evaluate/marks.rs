@@ -1,8 +1,8 @@
 //! What is said of a picture, as numbers that are always finite.
 
+use crate::reconstruct::{difference_noise, patch_noise, psnr, ssim};
+use crate::{Geometry, Result};
 use serde_json::{Map, Value, json};
-use spikelane::reconstruct::{difference_noise, patch_noise, psnr, ssim};
-use spikelane::{Geometry, Result};
 
 use super::truth::Truth;
 

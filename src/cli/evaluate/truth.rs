@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
+use crate::dataset::Record;
+use crate::light::picture::{Linear, read};
+use crate::light::{Transfer, srgb_code};
+use crate::simulate::Sidecar;
+use crate::{Error, Geometry, Kind, Result};
 use serde_json::Value;
-use spikelane::dataset::Record;
-use spikelane::light::picture::{Linear, read};
-use spikelane::light::{Transfer, srgb_code};
-use spikelane::simulate::Sidecar;
-use spikelane::{Error, Geometry, Kind, Result};
 
 /// A clear image, and the rate of its white.
 pub struct Truth {

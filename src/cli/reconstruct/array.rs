@@ -1,7 +1,7 @@
 //! Pictures as a NumPy array.
 
-use spikelane::storage::Writer;
-use spikelane::{Geometry, Result};
+use crate::storage::Writer;
+use crate::{Geometry, Result};
 
 use super::{Args, Sink};
 

@@ -11,10 +11,7 @@ mod rows416;
 pub(super) use array::{Axes, Packing, is_mapped, pack};
 pub(super) use bits::copy_bits;
 pub(super) use dat::{copy, flip};
-pub(super) use npy::{
-    Array, bits_frame, decode_bits, decode_bytes, encode_bits, encode_bytes, header, meaning, other_geometry,
-    parse,
-};
+pub(super) use npy::{Array, bits_frame, decode_bits, encode_bits, header, meaning, other_geometry, parse};
 pub(super) use npz::{Entry, MAGIC as ARCHIVE_MAGIC, read as read_archive};
 pub(super) use rows416::{FRAME as ROWS416_FRAME, decode as decode_rows416, encode as encode_rows416};
 pub(super) use rows1024::{

@@ -1,0 +1,136 @@
+//! Bits as bytes: one byte, 0 or 1, for every pixel.
+
+use crate::error::{Error, Kind, Result};
+use crate::spikes::Geometry;
+
+/// Unpacks packed frames of `geometry`, one after the other, into `bits`: a byte of 0 or 1 for
+/// every pixel and readout, row-major, top row first.
+///
+/// # Errors
+/// [`Kind::Usage`] when the slices do not hold the same number of whole frames.
+pub fn unpack(geometry: Geometry, packed: &[u8], bits: &mut [u8]) -> Result<()> {
+    check(geometry, packed.len(), bits.len())?;
+    let frames = packed.chunks_exact(geometry.frame_bytes());
+    for (packed, bits) in frames.zip(bits.chunks_exact_mut(geometry.pixels())) {
+        unpack_frame(packed, bits);
+    }
+    Ok(())
+}
+
+/// Packs bytes of 0 and 1, or of 0 and 255, one for every pixel and readout, into packed frames of `geometry`.
+///
+/// # Errors
+/// [`Kind::Usage`] when the slices do not hold the same number of whole frames;
+/// [`Kind::Input`] when a byte is neither, with its place.
+pub fn pack(geometry: Geometry, bits: &[u8], packed: &mut [u8]) -> Result<()> {
+    check(geometry, packed.len(), bits.len())?;
+    let frames = packed.chunks_exact_mut(geometry.frame_bytes());
+    for (readout, (packed, bits)) in frames.zip(bits.chunks_exact(geometry.pixels())).enumerate() {
+        pack_frame(bits, packed).map_err(|p| {
+            let (row, col) = (p / geometry.width(), p % geometry.width());
+            Error::new(Kind::Input, format_args!("readout {readout}, row {row}, col {col}"))
+                .found(bits[p])
+                .expected("0 and 1, or 0 and 255")
+        })?;
+    }
+    Ok(())
+}
+
+fn check(geometry: Geometry, packed: usize, bits: usize) -> Result<()> {
+    let (frame, pixels) = (geometry.frame_bytes(), geometry.pixels());
+    let whole = packed.is_multiple_of(frame) && bits.is_multiple_of(pixels);
+    if whole && packed / frame == bits / pixels {
+        return Ok(());
+    }
+    Err(Error::new(Kind::Usage, "frames")
+        .found(format_args!("{packed} packed bytes for {bits} bytes of bits"))
+        .expected(format_args!("{frame} for every {pixels}, one {geometry} frame")))
+}
+
+/// One frame of [`unpack`].
+pub(crate) fn unpack_frame(packed: &[u8], bits: &mut [u8]) {
+    let (words, rest) = bits.as_chunks_mut::<8>();
+    for (word, &byte) in words.iter_mut().zip(packed) {
+        *word = spread(byte);
+    }
+    if let Some(&last) = packed.get(words.len()) {
+        rest.copy_from_slice(&spread(last)[..rest.len()]);
+    }
+}
+
+/// One frame of [`pack`]; `Err` holds the first pixel that is neither.
+pub(crate) fn pack_frame(bits: &[u8], packed: &mut [u8]) -> Result<(), usize> {
+    const LOW: u64 = 0x0101_0101_0101_0101;
+    let (words, rest) = bits.as_chunks::<8>();
+    // Bits that no byte of 0 and 1 has, and those that no byte of 0 and 255 lacks or has.
+    let (mut beyond_one, mut uneven) = (0, 0);
+    let mut take = |word: u64| {
+        beyond_one |= word & !LOW;
+        uneven |= word ^ (word & LOW) * 0xff;
+        gather(word)
+    };
+    for (word, byte) in words.iter().zip(packed.iter_mut()) {
+        *byte = take(u64::from_le_bytes(*word));
+    }
+    if !rest.is_empty() {
+        let mut word = [0; 8];
+        word[..rest.len()].copy_from_slice(rest);
+        packed[words.len()] = take(u64::from_le_bytes(word));
+    }
+    if beyond_one == 0 || uneven == 0 {
+        return Ok(());
+    }
+    // A spike is what the first one is.
+    let top = bits.iter().copied().find(|&b| b != 0).filter(|&b| b == 255).unwrap_or(1);
+    Err(bits.iter().position(|&b| b != 0 && b != top).unwrap_or_default())
+}
+
+/// Eight bits as eight bytes: keep bit k in byte k, then carry any bit into bit 7.
+fn spread(byte: u8) -> [u8; 8] {
+    let kept = (u64::from(byte) * 0x0101_0101_0101_0101) & 0x8040_2010_0804_0201;
+    ((kept + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101).to_le_bytes()
+}
+
+/// Eight bytes of 0 or 1 as bits: the product moves bit 8k to bit 56 + k, and no two
+/// partial products meet (8a - 7b = 8c - 7d has no other solution below 8).
+fn gather(word: u64) -> u8 {
+    ((word & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spikes::bit;
+
+    #[test]
+    fn unpacking_equals_one_bit_at_a_time_and_packing_undoes_it() {
+        for (width, height) in [(8, 2), (7, 3), (1, 1), (67, 5), (13, 1)] {
+            let geometry = Geometry::new(width, height).unwrap();
+            let (pixels, frame) = (geometry.pixels(), geometry.frame_bytes());
+            let mut packed: Vec<u8> = (0..3 * frame).map(|i| (i * 167 + 13) as u8).collect();
+            if pixels % 8 != 0 {
+                packed.chunks_mut(frame).for_each(|f| f[frame - 1] &= (1 << (pixels % 8)) - 1);
+            }
+            let mut bits = vec![9; 3 * pixels];
+            unpack(geometry, &packed, &mut bits).unwrap();
+            for (i, &found) in bits.iter().enumerate() {
+                let frame = &packed[i / pixels * frame..];
+                assert_eq!(found, u8::from(bit(frame, i % pixels)), "{geometry}, byte {i}");
+            }
+            let mut again = vec![255; packed.len()];
+            pack(geometry, &bits, &mut again).unwrap();
+            assert_eq!(again, packed, "{geometry}");
+        }
+    }
+
+    #[test]
+    fn other_sizes_and_other_values_are_refused_with_their_place() {
+        let geometry = Geometry::new(10, 2).unwrap();
+        assert!(unpack(geometry, &[0; 6], &mut [0; 20]).is_err());
+        assert!(unpack(geometry, &[0; 4], &mut [0; 80]).is_err());
+        let mut bits = [1; 40];
+        bits[33] = 2;
+        let error = pack(geometry, &bits, &mut [0; 6]).unwrap_err();
+        assert_eq!(error.to_string(), "readout 1, row 1, col 3: found 2, expected 0 and 1, or 0 and 255");
+    }
+}
