@@ -1,0 +1,227 @@
+"""Speed of the Python package beside the program and the field's own functions, as a table.
+
+    python bindings/python/bench.py [--spikezoo FOLDER] [--spikecv FOLDER] [--markdown docs/performance.md]
+
+FOLDER of Spike-Zoo is its unpacked package (default: the installed one), that of SpikeCV a checkout. `--markdown` replaces
+the table between the markers in that file. SPIKELANE names the program (default: the one of this package).
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import importlib.util
+import json
+import os
+import platform
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import spikelane as sl
+
+BEGIN, END = "<!-- python: begin -->", "<!-- python: end -->"
+
+
+def best(work: Callable[[], object], seconds: float = 1.5, least: int = 3) -> float:
+    """Seconds of the fastest of several runs: what other processes take from them is no property of the work."""
+    times: list[float] = []
+    start = time.perf_counter()
+    while len(times) < least or time.perf_counter() - start < seconds:
+        before = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - before)
+    return min(times)
+
+
+def function(path: Path, name: str, **space: Any) -> Callable[..., Any]:
+    """A function taken out of a file whose imports are not wanted."""
+    tree = ast.parse(path.read_text())
+    tree.body = [node for node in tree.body if getattr(node, "name", None) == name]
+    exec(compile(tree, str(path), "exec"), space)
+    return space[name]
+
+
+class Table:
+    def __init__(self) -> None:
+        self.rows: list[tuple[str, str, str]] = []
+        self.faster: list[tuple[str, float, float]] = []
+
+    def row(self, what: str, value: str, beside: str = "") -> None:
+        self.rows.append((what, value, beside))
+
+    def law(self, what: str, found: float, wanted: float) -> None:
+        """Keeps what did not reach what was asked of it."""
+        if found < wanted:
+            self.faster.append((what, found, wanted))
+
+    def text(self) -> str:
+        lines = ["| work | figure | beside |", "|---|--:|---|"]
+        lines += [f"| {' | '.join(row)} |" for row in self.rows]
+        lines.append("")
+        if self.faster:
+            lines.append("Not as fast as was asked:")
+            lines += [f"- {what}: {found:.3g} instead of {wanted:.3g}." for what, found, wanted in self.faster]
+        else:
+            lines.append("Everything was as fast as was asked.")
+        return "\n".join(lines)
+
+
+def one_stream(table: Table) -> None:
+    """400x250 x 4000 readouts of held light, full noise: the bench's camera, in one call."""
+    program = os.environ.get("SPIKELANE")
+    command = [program] if program else [sys.executable, "-m", "spikelane"]
+    typical = {
+        "start_phase": {},
+        "saturation_clamp": {},
+        "prnu": {},
+        "dark_current": {},
+        "bias_voltage": {},
+        "shot_noise": {},
+        "thermal_noise": {"redraw": "every-readout"},
+    }
+    camera = sl.Camera.ideal(250, 400, 40_000)
+    for name, own in typical.items():
+        known = sl.effects()[name]["parameters"]
+        camera = camera.with_effect(name, **{**{key: p["typical"] for key, p in known.items()}, **own})
+    light = np.random.default_rng(1).integers(0, 200, (250, 400), np.uint8)
+    out = np.empty((4000, 12_500), np.uint8)
+    simulator = sl.Simulator(camera)
+    seconds = best(lambda: simulator.push(light, 4000, out=out), 3)
+    python = 4000 * 100_000 / seconds / 1e9
+    said = subprocess.run([*command, "--json", "bench", "--quick"], capture_output=True, text=True, check=True)
+    rows = json.loads(said.stdout.splitlines()[-1])["rows"]
+    kernels = [
+        r for r in rows if r["work"] == "frames in memory" and r["noise"] == "full noise" and r["threads"] == 1
+    ]
+    kernel = max(r["gigapixel_readouts_per_second"] for r in kernels)
+    table.row(
+        "400x250 x 4000 readouts, full noise, one call",
+        f"{python:.2f} Gpixel-readouts/s",
+        f"program, frames in memory {kernel:.2f}: {python / kernel:.2f} of it",
+    )
+    table.law("share of the program's speed", python / kernel, 0.9)
+    for backend in (simulator.backend,):
+        table.row("backend of both", backend)
+
+
+def crops(table: Table, spikezoo: Path | None, spikecv: Path | None) -> None:
+    """64 crops of 96x96x41, a new frame at every readout, `physical`, one plan, fresh seeds each."""
+    camera = sl.Camera.preset("physical").resized(96, 96)
+    clips = np.random.default_rng(2).integers(0, 200, (64, 41, 96, 96), np.uint8)
+    turn = [0]
+
+    def run(bits: bool, out: np.ndarray) -> None:
+        turn[0] += 64
+        sl.simulate_batch(camera, clips, sequences=range(turn[0], turn[0] + 64), bits=bits, out=out)
+
+    packed, bits = np.empty((64, 41, 1152), np.uint8), np.empty((64, 41, 96, 96), np.uint8)
+    times = {"packed": best(lambda: run(False, packed)), "a byte a pixel": best(lambda: run(True, bits))}
+    for name, seconds in times.items():
+        table.row(f"64 crops of 96x96x41, `physical`, fresh seeds, {name}", f"{64 / seconds:.0f} crops/s")
+    full = clips[:16].astype(np.float64) / 255
+
+    def peer(name: str, work: Callable[[np.ndarray], object]) -> None:
+        seconds = best(lambda: [work(clip) for clip in full]) * 4
+        ratios = {kind: seconds / ours for kind, ours in times.items()}
+        words = ", ".join(f"{kind} {ratio:.1f} times faster" for kind, ratio in ratios.items())
+        table.row(f"{name}, without noise", f"{64 / seconds:.0f} crops/s", words)
+        table.law(f"{name}: times faster, packed", ratios["packed"], 20)
+
+    if spikezoo:
+        simulate = function(spikezoo / "utils" / "spike_utils.py", "video2spike_simulation", np=np)
+        peer("Spike-Zoo `video2spike_simulation` (NumPy)", lambda clip: simulate(clip, 1.0))
+    else:
+        table.row("Spike-Zoo", "not measured", "not here")
+    try:
+        import torch
+    except ImportError:
+        table.row("integrate and fire in torch on the CPU", "not measured", "torch is not here")
+    else:
+
+        def in_torch(clip: np.ndarray) -> torch.Tensor:
+            """The same loop on tensors: the quickest form that torch gives it."""
+            light, charge = torch.from_numpy(clip).float(), torch.rand(96, 96)
+            spikes = torch.empty(clip.shape, dtype=torch.uint8)
+            for t in range(clip.shape[0]):
+                charge += light[t]
+                fired = charge >= 1
+                charge -= fired
+                spikes[t] = fired
+            return spikes
+
+        peer("the same loop in torch on the CPU", in_torch)
+    if spikecv:
+        # As published it ends with `np.float`, which NumPy has no more.
+        space = {name: getattr(np, name) for name in ("zeros_like", "zeros")} | {"float": float}
+        from types import SimpleNamespace
+
+        convert = function(spikecv / "SpikeCV" / "spkData" / "convert_img.py", "img_to_spike", np=SimpleNamespace(**space))
+        seconds = best(lambda: [convert(clip[0], 1.0, 1.0, 41) for clip in full]) * 4
+        held = clips[:, :1]
+        ours = best(
+            lambda: sl.simulate_batch(camera, held, 41, sequences=range(64), bits=False, out=packed)
+        )
+        unpacked = best(lambda: sl.simulate_batch(camera, held, 41, sequences=range(64), out=bits))
+        table.row(
+            "SpikeCV `img_to_spike`, one image held, without noise",
+            f"{64 / seconds:.0f} crops/s",
+            f"packed {seconds / ours:.1f} times faster ({64 / ours:.0f} crops/s), a byte a pixel "
+            f"{seconds / unpacked:.1f} times",
+        )
+        table.law("SpikeCV img_to_spike: times faster, packed", seconds / ours, 20)
+    else:
+        table.row("SpikeCV", "not measured", "not here")
+
+
+def calls(table: Table) -> None:
+    """One readout of 8x8 pixels a call, over the same readouts in one call."""
+    camera = sl.Camera.ideal(8, 8)
+    light, out = np.full((8, 8), 100, np.uint8), np.empty((1, 8), np.uint8)
+    simulator, many = sl.Simulator(camera), 20_000
+
+    def loop() -> None:
+        push = simulator.push
+        for _ in range(many):
+            push(light, out=out)
+
+    whole = np.empty((many, 8), np.uint8)
+    each = best(loop) / many
+    together = best(lambda: simulator.push(light, many, out=whole)) / many
+    table.row(
+        "a call of one readout, 8x8, into a buffer",
+        f"{1e6 * (each - together):.2f} us",
+        f"{1e6 * together:.3f} us a readout in one call",
+    )
+    table.law("calls without overhead above 3 us, per us", 3 / (1e6 * (each - together)), 1)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--spikezoo", type=Path)
+    parser.add_argument("--spikecv", type=Path)
+    parser.add_argument("--markdown", type=Path)
+    arguments = parser.parse_args()
+    found = importlib.util.find_spec("spikezoo")
+    if arguments.spikezoo is None and found is not None and found.origin:
+        arguments.spikezoo = Path(found.origin).parent
+    table = Table()
+    one_stream(table)
+    crops(table, arguments.spikezoo, arguments.spikecv)
+    calls(table)
+    where = f"CPython {platform.python_version()}, NumPy {np.__version__}, spikelane {sl.__version__}, one thread."
+    text = f"{where} Fastest of several runs each.\n\n{table.text()}"
+    print(text)
+    if arguments.markdown:
+        page = arguments.markdown.read_text()
+        before, rest = page.split(BEGIN)
+        arguments.markdown.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.split(END)[1]}")
+
+
+if __name__ == "__main__":
+    main()

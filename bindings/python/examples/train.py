@@ -1,0 +1,110 @@
+"""Train a small network that makes pictures of spikes, on fresh noise of cameras drawn at random.
+
+    python train.py [--seconds 120] [--workers 0]
+
+Every item of every epoch is another recording by another camera. After training the network is set beside counting
+(TFP) on cameras and scenes that it has not seen.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+import torch
+from torch import nn
+from torch.utils.data import DataLoader
+
+import spikelane as sl
+from spikelane.torch import SpikeClips
+
+READOUTS, CROP = 41, 48
+
+
+def clips(seeds: range, height: int = 80, width: int = 128) -> np.ndarray:
+    """Drives through random cities: float32 (B, 5, H, W), 2000 frames a second."""
+    made = []
+    for seed in seeds:
+        scene = sl.Scene(seed, height, width, lighting="noon", duration_s=1.0)
+        made += [scene.clip(t, 5, 2000) for t in (0.2, 0.8)]
+    return np.minimum(np.stack(made), 1.0)
+
+
+class Net(nn.Module):
+    """From spikes (B, T, H, W) to spikes per readout (B, 1, H, W): a correction of the count."""
+
+    def __init__(self, channels: int = 32) -> None:
+        super().__init__()
+        layers: list[nn.Module] = [nn.Conv2d(READOUTS + 1, channels, 3, padding=1), nn.ReLU()]
+        for _ in range(2):
+            layers += [nn.Conv2d(channels, channels, 3, padding=1), nn.ReLU()]
+        self.body = nn.Sequential(*layers, nn.Conv2d(channels, 1, 3, padding=1))
+
+    def forward(self, spikes: torch.Tensor) -> torch.Tensor:
+        count = spikes.mean(dim=1, keepdim=True)
+        return count + self.body(torch.cat([spikes, count], dim=1))
+
+
+def batch_of(batch: dict) -> tuple[torch.Tensor, torch.Tensor]:
+    """Spikes, and the rate that an ideal camera of that exposure would have."""
+    exposure = batch["exposure"].float()[:, None, None, None]
+    return batch["spikes"].float(), batch["light"] * exposure
+
+
+def loader(seeds: range, seed: int, workers: int) -> tuple[SpikeClips, DataLoader]:
+    data = SpikeClips(
+        clips(seeds),
+        sl.CameraDistribution(),
+        10,
+        crop=(CROP, CROP),
+        seed=seed,
+        readouts=READOUTS,
+        targets=[READOUTS // 2],
+        cameras=32,
+    )
+    return data, DataLoader(data, batch_size=8, num_workers=workers)
+
+
+@torch.no_grad()
+def error(net: nn.Module | None, batches: DataLoader) -> float:
+    """Root mean square of the relative error, over all batches; without a net that of counting."""
+    squares = []
+    for batch in batches:
+        spikes, rate = batch_of(batch)
+        found = spikes.mean(dim=1, keepdim=True) if net is None else net(spikes)
+        scale = rate.mean(dim=(1, 2, 3), keepdim=True)
+        squares.append((((found - rate) / scale) ** 2).mean())
+    return float(torch.stack(squares).mean().sqrt())
+
+
+def train(seconds: float, workers: int = 0) -> tuple[float, float]:
+    """Trains for `seconds` and returns the errors of counting and of the network."""
+    torch.manual_seed(1)
+    data, batches = loader(range(6), 1, workers)
+    _, unseen = loader(range(100, 102), 2, workers)
+    net = Net()
+    optimiser = torch.optim.Adam(net.parameters(), lr=2e-3)
+    start, epoch, steps = time.monotonic(), 0, 0
+    while time.monotonic() - start < seconds:
+        data.set_epoch(epoch)
+        for batch in batches:
+            spikes, rate = batch_of(batch)
+            scale = rate.mean(dim=(1, 2, 3), keepdim=True)
+            loss = ((net(spikes) - rate) / scale).abs().mean()
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            steps += 1
+        epoch += 1
+    print(f"{epoch} epochs, {steps} steps")
+    return error(None, unseen), error(net, unseen)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=120)
+    parser.add_argument("--workers", type=int, default=0)
+    arguments = parser.parse_args()
+    counting, network = train(arguments.seconds, arguments.workers)
+    print(f"relative error on cameras and scenes not seen: counting {counting:.3f}, network {network:.3f}")

@@ -1,0 +1,113 @@
+"""Streams for torch's loaders: a fresh recording of every clip in every epoch.
+
+`SpikeClips` is a map-style dataset, `SpikeClipStream` an iterable one. A stream is fixed by (seed, epoch, index): the
+workers, their number, and whether they are forked or spawned change nothing. torch is imported here and nowhere else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch.utils.data import Dataset, IterableDataset, get_worker_info
+
+from ._clips import ClipSampler, _hash
+from ._native import Camera, CameraDistribution
+
+__all__ = ["SpikeClipStream", "SpikeClips"]
+
+Clips = Sequence[NDArray[Any]] | NDArray[Any]
+
+
+def _tensors(item: dict[str, Any]) -> dict[str, Any]:
+    """Arrays as tensors on the same memory; seeds, which may exceed torch's integers, as text."""
+    made: dict[str, Any] = {}
+    for key, value in item.items():
+        if isinstance(value, np.ndarray):
+            made[key] = torch.from_numpy(value)
+        elif key in ("camera_seed", "sequence"):
+            made[key] = str(value)
+        else:
+            made[key] = value
+    return made
+
+
+class SpikeClips(Dataset[dict[str, Any]]):
+    """A map-style dataset of streams; arguments and items are those of ``spikelane.ClipSampler``, arrays as tensors.
+
+    ``set_epoch`` makes every stream anew. The epoch is shared memory, so persistent workers see it too.
+    """
+
+    def __init__(
+        self, clips: Clips, camera: Camera | CameraDistribution, readouts_per_frame: int = 1, **options: Any
+    ) -> None:
+        self.sampler = ClipSampler(clips, camera, readouts_per_frame, **options)
+        self._epoch = torch.zeros(1, dtype=torch.int64).share_memory_()
+
+    def set_epoch(self, epoch: int) -> None:
+        """Chooses the epoch, 0 at first: call it before each pass, as with torch's DistributedSampler."""
+        self._epoch[0] = epoch
+
+    @property
+    def epoch(self) -> int:
+        """The epoch."""
+        return int(self._epoch[0])
+
+    def __len__(self) -> int:
+        return len(self.sampler)
+
+    def __getitem__(self, index: int) -> dict[str, Any]:
+        return _tensors(self.sampler.item(int(index), self.epoch))
+
+
+class SpikeClipStream(IterableDataset[dict[str, Any]]):
+    """An iterable dataset of streams: one pass over all clips, in an order drawn anew in every epoch.
+
+    Arguments and items are those of ``spikelane.ClipSampler``, arrays as tensors. Of W workers (and R ranks, with
+    ``rank`` and ``ranks``) each takes every W-th item: which worker makes a stream changes where it comes in the order of
+    a loader, not the stream. ``shuffle=False`` keeps the clips' order.
+    """
+
+    def __init__(
+        self,
+        clips: Clips,
+        camera: Camera | CameraDistribution,
+        readouts_per_frame: int = 1,
+        *,
+        shuffle: bool = True,
+        rank: int = 0,
+        ranks: int = 1,
+        **options: Any,
+    ) -> None:
+        if not 0 <= rank < ranks:
+            raise ValueError(f"rank: found {rank} of {ranks}, expected 0 to {ranks - 1}; count ranks from 0")
+        self.sampler = ClipSampler(clips, camera, readouts_per_frame, **options)
+        self.shuffle = shuffle
+        self.rank = rank
+        self.ranks = ranks
+        self._epoch = torch.zeros(1, dtype=torch.int64).share_memory_()
+
+    def set_epoch(self, epoch: int) -> None:
+        """Chooses the epoch, 0 at first."""
+        self._epoch[0] = epoch
+
+    @property
+    def epoch(self) -> int:
+        """The epoch."""
+        return int(self._epoch[0])
+
+    def __len__(self) -> int:
+        """Items of a pass of this rank."""
+        return len(range(self.rank, len(self.sampler), self.ranks))
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        epoch, order = self.epoch, list(range(len(self.sampler)))
+        if self.shuffle:
+            order.sort(key=lambda index: _hash(self.sampler.seed, 0x5807, epoch, index))
+        worker = get_worker_info()
+        own, workers = (worker.id, worker.num_workers) if worker else (0, 1)
+        for index in order[self.rank :: self.ranks][own::workers]:
+            yield _tensors(self.sampler.item(index, epoch))

@@ -1,0 +1,57 @@
+//! The native half of the Python package `spikelane`: arrays in, arrays out, one door a file.
+//!
+//! Docstrings of what users see are in the stubs' words; the package's Python files hold what needs no speed.
+
+mod arrays;
+mod batch;
+mod camera;
+mod distribution;
+mod error;
+mod report;
+mod scene;
+mod simulator;
+mod spikes;
+mod stream;
+mod watch;
+
+use pyo3::prelude::*;
+
+/// Native half of the package; use the names that `spikelane` has.
+#[pymodule(gil_used = false)]
+mod _native {
+    #[pymodule_export]
+    use super::batch::{light_at, simulate_batch};
+    #[pymodule_export]
+    use super::camera::{Camera, effects, presets};
+    #[pymodule_export]
+    use super::command;
+    #[pymodule_export]
+    use super::distribution::CameraDistribution;
+    #[pymodule_export]
+    use super::report::{calibrate, diagnose, measure};
+    #[pymodule_export]
+    use super::scene::Scene;
+    #[pymodule_export]
+    use super::simulator::Simulator;
+    #[pymodule_export]
+    use super::spikes::{pack, span_rate, tfi, tfp, unpack};
+    #[pymodule_export]
+    use super::stream::{Stream, open_stream, write_stream};
+
+    #[pymodule_init]
+    fn init(m: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
+        use pyo3::types::PyModuleMethods as _;
+        m.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}
+
+/// command(args)
+/// --
+///
+/// Runs the `spikelane` program in this process and returns its exit code.
+///
+/// `args` are its arguments, the program's name first.
+#[pyfunction]
+fn command(py: Python<'_>, args: Vec<String>) -> u8 {
+    py.detach(|| spikelane::cli::main(args))
+}

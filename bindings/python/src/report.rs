@@ -1,0 +1,170 @@
+//! Measurement, calibration and diagnosis: the reports' content as JSON, which the package makes dataclasses of.
+
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::PathBuf;
+
+use numpy::PyUntypedArrayMethods as _;
+use pyo3::prelude::*;
+use serde_json::{Value, json};
+use spikelane::calibrate::{Options as Calibrating, RecordingSet, SneeOptions, observe, snee, write};
+use spikelane::diagnose::{Extent, Options as Diagnosing, page};
+use spikelane::formats::{Layout, Reader};
+use spikelane::measure::{Options, frame_total_lines, high_pass, list, of_stream, summarise};
+use spikelane::simulate::save_camera;
+use spikelane::storage::write_small;
+use spikelane::{Error, Kind};
+
+use crate::arrays::{bytes, geometry};
+use crate::camera::Camera;
+use crate::error::usage;
+use crate::stream::Stream;
+use crate::watch::Watch;
+
+/// What unwinds out of work that can only be stopped where it reports.
+struct Stopped;
+
+/// Does `work`, which reports by a function that cannot refuse, and leaves it there on Ctrl-C.
+fn stoppable<T: Send>(
+    py: Python<'_>,
+    mut watch: Watch,
+    work: impl FnOnce(&mut dyn FnMut(f64)) -> spikelane::Result<T> + Send,
+) -> PyResult<T> {
+    let result = py.detach(|| {
+        let mut tell = |share: f64| {
+            // Shares below one only: the end is told when it is there.
+            if watch.step(share.min(0.999_999), 1.0).is_err() {
+                resume_unwind(Box::new(Stopped));
+            }
+        };
+        match catch_unwind(AssertUnwindSafe(|| work(&mut tell))) {
+            Ok(result) => result.and_then(|value| watch.now(1.0, 1.0).map(|()| value)),
+            Err(reason) if reason.is::<Stopped>() => Err(Error::new(Kind::Interrupted, "stopped on request")),
+            Err(reason) => resume_unwind(reason),
+        }
+    });
+    watch.outcome(result)
+}
+
+fn value<T: serde::Serialize>(of: &T) -> spikelane::Result<Value> {
+    serde_json::to_value(of).map_err(|e| Error::new(Kind::Config, "report").found(e))
+}
+
+/// JSON text of what `spikelane measure` says of a stream; see `spikelane.measure`.
+#[pyfunction]
+#[pyo3(signature = (stream, height=None, width=None, progress=None))]
+pub fn measure(
+    py: Python<'_>,
+    stream: &Bound<'_, PyAny>,
+    height: Option<usize>,
+    width: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let reader = if let Ok(stream) = stream.cast::<Stream>() {
+        stream.get().reader()?
+    } else {
+        let packed = bytes(stream, "stream")?;
+        let (Some(height), Some(width), 2) = (height, width, packed.ndim()) else {
+            let remedy = "give a Stream, or packed spikes with height and width";
+            return Err(usage(
+                "stream",
+                format_args!("an array of {} axes", packed.ndim()),
+                "a Stream, or (T, ceil(H * W / 8)) with height and width",
+                remedy,
+            ));
+        };
+        let bytes = packed.as_slice()?.to_vec();
+        let reader =
+            Reader::from_bytes("packed spikes", bytes, Some(Layout::DatTop), Some(geometry(height, width)?));
+        std::sync::Arc::new(crate::error::Raise::or_raise(reader)?)
+    };
+    stoppable(py, Watch::new(progress), |tell| {
+        let all = reader.readouts().max(1) as f64;
+        let statistics = of_stream(&reader, &Options::default(), &mut |done| tell(done as f64 / all))?;
+        let mut result = value(&summarise(&statistics)?)?;
+        result["statistics"] = value(&list(&statistics)?)?;
+        result["frame_total_lines"] = value(&frame_total_lines(&statistics)?)?;
+        let lengths = statistics.intervals.as_ref().map(|i| i.lengths().counts().to_vec());
+        result["interval_histogram"] = value(&lengths.unwrap_or_default())?;
+        if let Some(counts) = &statistics.counts {
+            result["rate"] = value(&counts.rate())?;
+            result["pattern"] = value(&high_pass(&counts.rate(), statistics.geometry.width()))?;
+        }
+        result["shape"] = json!([statistics.geometry.height(), statistics.geometry.width()]);
+        Ok(result.to_string())
+    })
+}
+
+/// (JSON text, Camera) of what `spikelane calibrate` finds; see `spikelane.calibrate`.
+#[pyfunction]
+#[pyo3(signature = (recordings, out=None, dead_time=0.002, light_uncertainty=None, precision=None, paper=false, force=false,
+    progress=None))]
+pub fn calibrate(
+    py: Python<'_>,
+    recordings: PathBuf,
+    out: Option<PathBuf>,
+    dead_time: f64,
+    light_uncertainty: Option<f64>,
+    precision: Option<f64>,
+    paper: bool,
+    force: bool,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(String, Camera)> {
+    let (text, camera) = stoppable(py, Watch::new(progress), |tell| {
+        if let Some(folder) = &out {
+            let names = ["camera.toml", "calibration.json", "report.html"];
+            spikelane::storage::refuse_existing(folder, &names, force)?;
+        }
+        let set = RecordingSet::open(&recordings)?;
+        let observed = observe(&set, &mut |_, share| tell(share))?;
+        let options =
+            Calibrating { lost_increment: dead_time, light_uncertainty, precision, ..Calibrating::default() };
+        let mut calibration = spikelane::calibrate::calibrate(&observed, &options)?;
+        if paper {
+            calibration.paper = Some(snee(&observed, &SneeOptions::default())?);
+        }
+        if let Some(folder) = &out {
+            write(&calibration, folder, force)?;
+        }
+        Ok((calibration.to_json().to_string(), calibration.camera()?))
+    })?;
+    Ok((text, Camera::of(camera)?))
+}
+
+/// (JSON text, Camera) of what `spikelane diagnose` finds; see `spikelane.diagnose`.
+#[pyfunction]
+#[pyo3(signature = (recordings, camera=None, holdout=None, seed=1, everything=false, out=None, force=false,
+    progress=None))]
+pub fn diagnose(
+    py: Python<'_>,
+    recordings: PathBuf,
+    camera: Option<&Camera>,
+    holdout: Option<PathBuf>,
+    seed: u64,
+    everything: bool,
+    out: Option<PathBuf>,
+    force: bool,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(String, Camera)> {
+    let camera = camera.map(Camera::camera);
+    let (text, found) = stoppable(py, Watch::new(progress), |tell| {
+        if let Some(folder) = &out {
+            let names = ["diagnosis.json", "report.html", "camera.toml"];
+            spikelane::storage::refuse_existing(folder, &names, force)?;
+        }
+        let set = RecordingSet::open(&recordings)?;
+        let holdout = holdout.as_deref().map(RecordingSet::open).transpose()?;
+        let extent = if everything { Extent::Everything } else { Extent::Enough };
+        let options = Diagnosing { camera, reference: None, seed, extent };
+        let found =
+            spikelane::diagnose::diagnose(&set, holdout.as_ref(), options, &mut |_, share| tell(share))?;
+        let json = value(&found)?;
+        if let Some(folder) = &out {
+            std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
+            write_small(&folder.join("diagnosis.json"), format!("{json:#}\n").as_bytes(), force)?;
+            write_small(&folder.join("report.html"), page(&found)?.as_bytes(), force)?;
+            save_camera(&found.camera, folder, force)?;
+        }
+        Ok((json.to_string(), found.camera))
+    })?;
+    Ok((text, Camera::of(found)?))
+}

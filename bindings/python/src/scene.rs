@@ -1,0 +1,198 @@
+//! Random driving scenes with their labels.
+
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use spikelane::scene::{Labels, Lighting, Samples, SceneOptions, Semantic};
+
+use crate::arrays::picture;
+use crate::error::{Raise as _, usage};
+use crate::simulator::check_threads;
+use crate::watch::Watch;
+
+/// A random city with its traffic and its light, all from `seed`, and a camera that drives through: a function of time.
+///
+/// `height` and `width` in pixels; `fov_deg` 5 to 150 degrees; `lighting` one of "noon", "low-sun", "overcast", "rain",
+/// "tunnel", "dusk", "night"; `duration_s` up to 120 s; `speed_kmh` 1 to 300; `vehicles` besides the camera's; lamps
+/// flicker with `flicker_hz`. What is left out follows from the seed.
+#[pyclass(frozen, module = "spikelane")]
+pub struct Scene(spikelane::scene::Scene);
+
+#[pymethods]
+impl Scene {
+    #[new]
+    #[pyo3(signature = (seed, height=250, width=400, *, fov_deg=None, lighting=None, duration_s=4.0, speed_kmh=None,
+        vehicles=None, flicker_hz=None))]
+    fn new(
+        py: Python<'_>,
+        seed: u64,
+        height: u32,
+        width: u32,
+        fov_deg: Option<f64>,
+        lighting: Option<&str>,
+        duration_s: f64,
+        speed_kmh: Option<f64>,
+        vehicles: Option<u32>,
+        flicker_hz: Option<f64>,
+    ) -> PyResult<Self> {
+        let named = |name: &str| {
+            let names: Vec<_> = Lighting::ALL.iter().map(|l| l.name()).collect();
+            let wrong =
+                || usage("lighting", format_args!("{name:?}"), names.join(", "), "leave it to the seed");
+            Lighting::from_name(name).ok_or_else(wrong)
+        };
+        let lighting = lighting.map(named).transpose()?;
+        let options =
+            SceneOptions { width, height, fov_deg, lighting, duration_s, speed_kmh, vehicles, flicker_hz };
+        py.detach(|| spikelane::scene::Scene::random(seed, &options)).or_raise().map(Self)
+    }
+
+    /// The seed.
+    #[getter]
+    fn seed(&self) -> u64 {
+        self.0.seed()
+    }
+
+    /// The light, asked for or drawn.
+    #[getter]
+    fn lighting(&self) -> &'static str {
+        self.0.lighting().name()
+    }
+
+    /// Instants from 0 to this many seconds exist.
+    #[getter]
+    fn duration_s(&self) -> f64 {
+        self.0.duration_s()
+    }
+
+    /// Vehicles besides the camera's; instance numbers run from 1 to this.
+    #[getter]
+    fn vehicles(&self) -> u32 {
+        self.0.vehicles()
+    }
+
+    /// Light and labels at `t` seconds, as a dict; `spikelane.Scene.render` makes a Rendered of it.
+    #[pyo3(signature = (t, samples=4, threads=1))]
+    fn _render<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        samples: u8,
+        threads: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        check_threads(threads)?;
+        let samples = match samples {
+            4 => Samples::Four,
+            16 => Samples::Sixteen,
+            other => return Err(usage("samples", other, "4 or 16 colour samples a pixel", "give 4")),
+        };
+        let mut drawn = py.detach(|| self.0.render(t, samples, threads)).or_raise()?;
+        let boxes = py.detach(|| self.0.boxes(&drawn.labels)).or_raise()?;
+        let white = self.0.white_cd_m2();
+        drawn.light.iter_mut().for_each(|l| *l /= white);
+        let shape = [drawn.labels.height, drawn.labels.width];
+        let rgb: Vec<f32> = drawn.rgb.iter().flatten().copied().collect();
+        let dict = PyDict::new(py);
+        dict.set_item("t", t)?;
+        dict.set_item("light", picture(py, drawn.light, &shape)?)?;
+        dict.set_item("rgb", picture(py, rgb, &[shape[0], shape[1], 3])?)?;
+        dict.set_item("depth", picture(py, drawn.labels.depth_m, &shape)?)?;
+        dict.set_item("instances", picture(py, drawn.labels.instance, &shape)?)?;
+        dict.set_item("semantic", picture(py, drawn.labels.semantic, &shape)?)?;
+        let all = PyList::empty(py);
+        for b in boxes {
+            let one = PyDict::new(py);
+            one.set_item("track_id", b.track_id)?;
+            one.set_item("category", format!("{:?}", b.class).to_lowercase())?;
+            one.set_item("visible", b.visible.map(|v| (v[0], v[1], v[2], v[3])))?;
+            one.set_item("amodal", (b.amodal[0], b.amodal[1], b.amodal[2], b.amodal[3]))?;
+            one.set_item("visible_pixels", b.visible_pixels)?;
+            one.set_item("occlusion", b.occlusion)?;
+            one.set_item("truncation", b.truncation)?;
+            one.set_item("centre_m", (b.centre_m[0], b.centre_m[1], b.centre_m[2]))?;
+            one.set_item("size_m", (b.size_m[0], b.size_m[1], b.size_m[2]))?;
+            one.set_item("rotation_y", b.rotation_y)?;
+            one.set_item("speed_mps", b.speed_mps)?;
+            all.append(one)?;
+        }
+        dict.set_item("boxes", all)?;
+        Ok(dict)
+    }
+
+    /// Where the pixels of instant `t` are at instant `to` (seconds, earlier or later): float32 (2, H, W), columns to
+    /// the right and rows down in pixels, and where they are hidden then, bool (H, W).
+    #[pyo3(signature = (t, to, threads=1))]
+    fn flow<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        to: f64,
+        threads: usize,
+    ) -> PyResult<(Bound<'py, PyArrayDyn<f32>>, Bound<'py, PyArrayDyn<bool>>)> {
+        check_threads(threads)?;
+        let flow = py.detach(|| -> spikelane::Result<_> {
+            let labels = |t| -> spikelane::Result<Labels> { self.0.labels(t, threads) };
+            self.0.flow(&labels(t)?, &labels(to)?, threads)
+        });
+        let flow = flow.or_raise()?;
+        let both: Vec<f32> = flow.dx.into_iter().chain(flow.dy).collect();
+        let shape = [flow.height, flow.width];
+        Ok((picture(py, both, &[2, shape[0], shape[1]])?, picture(py, flow.occluded, &shape)?))
+    }
+
+    /// Light of `frames` instants from `t` on, `hz` a second: float32 (frames, H, W), 1.0 at white; highlights and lamps lie
+    /// above. What `Simulator.push` and `simulate_batch` take.
+    ///
+    /// Raises SpikelaneError when an instant lies outside the drive. `progress(done, total)` hears about frames.
+    #[pyo3(signature = (t, frames, hz, *, samples=4, threads=1, progress=None))]
+    fn clip<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        frames: usize,
+        hz: f64,
+        samples: u8,
+        threads: usize,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        check_threads(threads)?;
+        if !(hz.is_finite() && hz > 0.0) || frames == 0 {
+            return Err(usage(
+                "clip",
+                format_args!("{frames} frames at {hz} Hz"),
+                "at least one at a positive rate",
+                "",
+            ));
+        }
+        let samples = if samples == 16 { Samples::Sixteen } else { Samples::Four };
+        let mut watch = Watch::new(progress);
+        let white = self.0.white_cd_m2();
+        let (mut light, mut size) = (Vec::new(), (0, 0));
+        let result = py.detach(|| -> spikelane::Result<()> {
+            for i in 0..frames {
+                let drawn = self.0.render(t + i as f64 / hz, samples, threads)?;
+                size = (drawn.labels.height, drawn.labels.width);
+                light.extend(drawn.light.iter().map(|l| l / white));
+                watch.step(i as f64 + 1.0, frames as f64)?;
+            }
+            Ok(())
+        });
+        watch.outcome(result)?;
+        picture(py, light, &[frames, size.0, size.1])
+    }
+
+    /// Names of the values of `semantic` pictures, in their order.
+    #[staticmethod]
+    fn semantic_names() -> Vec<&'static str> {
+        Semantic::ALL.iter().map(|s| s.name()).collect()
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<spikelane.Scene {}, {}, {} s>",
+            self.0.seed(),
+            self.0.lighting().name(),
+            self.0.duration_s()
+        )
+    }
+}

@@ -1,0 +1,364 @@
+//! A camera at work.
+
+use std::sync::{Mutex, MutexGuard};
+
+use numpy::{PyArrayDyn, PyArrayMethods as _};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use spikelane::light::{Insertion, Timeline};
+use spikelane::plan::State;
+use spikelane::simulate::Pool;
+use spikelane::{Backend, Seeds, spikes};
+
+use crate::arrays::{Light, buffer, zeros};
+use crate::camera::Camera;
+use crate::error::{Raise as _, raise, usage};
+use crate::watch::Watch;
+
+/// Before a saved state: what it belongs to.
+const MAGIC: &[u8; 8] = b"spkrun01";
+
+/// Packed bytes between two unpackings: they stay in the second-level cache.
+const PIECE: usize = 256 << 10;
+
+/// A camera at work: push light, receive spikes. It remembers its charge from call to call.
+///
+/// `camera_seed` fixes the fixed pattern (which camera it is), `seed` and `sequence` the temporal noise (which
+/// recording): integers from 0 to 2**64 - 1. `threads` share the sensor's tiles, `backend` names an instruction set
+/// ("reference", "portable", "avx2", "avx512"); neither changes a bit. Light beyond `greatest_light` full scales, which only
+/// float32 holds, is cut.
+///
+/// One thread at a time may push; others work meanwhile, since the interpreter's lock is released. A child process after
+/// a fork may go on with its copy.
+#[pyclass(frozen, module = "spikelane")]
+pub struct Simulator {
+    camera: Camera,
+    greatest_light: f64,
+    inner: Mutex<Inner>,
+}
+
+struct Inner {
+    simulator: spikelane::Simulator,
+    threads: usize,
+    /// The process whose threads these are.
+    process: u32,
+    scratch: Vec<u8>,
+}
+
+#[pymethods]
+impl Simulator {
+    /// Plans the camera: what cannot be simulated is refused here.
+    #[new]
+    #[pyo3(signature = (camera, *, seed=0, sequence=0, camera_seed=0, threads=1, backend=None, greatest_light=1.0))]
+    fn new(
+        py: Python<'_>,
+        camera: &Camera,
+        seed: u64,
+        sequence: u64,
+        camera_seed: u64,
+        threads: usize,
+        backend: Option<&str>,
+        greatest_light: f64,
+    ) -> PyResult<Self> {
+        check_threads(threads)?;
+        let seeds = Seeds { camera: camera_seed, shot: seed, sequence };
+        let backend = backend.map(Backend::parse).transpose().or_raise()?;
+        let simulator = py.detach(|| {
+            let plan = camera.plan(camera_seed, greatest_light)?.with_seeds(seeds)?;
+            let simulator = spikelane::Simulator::of_plan(plan).with_threads(threads)?;
+            match backend {
+                Some(backend) => simulator.with_backend(backend),
+                None => Ok(simulator),
+            }
+        });
+        let inner = Inner {
+            simulator: simulator.or_raise()?,
+            threads,
+            process: std::process::id(),
+            scratch: Vec::new(),
+        };
+        Ok(Self { camera: camera.clone(), greatest_light, inner: Mutex::new(inner) })
+    }
+
+    /// Pushes linear light and returns the spikes, bit-packed: uint8 of shape (T, ceil(H * W / 8)).
+    ///
+    /// `frames` is one frame (H, W) or several (N, H, W) of uint8 (255 is full scale), uint16 (65535) or float32 (1.0;
+    /// finite, not negative). Each lasts `readouts_per_frame` readouts, so T is N times that, or `readouts` if fewer are
+    /// asked for. Between frames the light is held ("hold"), goes in a straight line ("linear") or moves along an estimated
+    /// motion ("flow"); the last frame stays. To go on with the next frames, begin them with the last of these.
+    ///
+    /// Bit p % 8 of byte p // 8 is pixel p = row * W + col, least significant first. `out` receives the spikes, if
+    /// given: uint8, C-contiguous, of that shape. `progress(done, total)` hears about readouts.
+    ///
+    /// Frames in one block are read in place; views with gaps are copied. Ctrl-C ends the call between two
+    /// readouts, and those done stay done.
+    ///
+    /// Raises SpikelaneError for wrong sizes or light, SpikelaneTypeError (a TypeError) for other dtypes; nothing has
+    /// changed then.
+    #[pyo3(signature = (frames, readouts_per_frame=1, *, insertion="linear", readouts=None, out=None, progress=None))]
+    fn push<'py>(
+        &self,
+        py: Python<'py>,
+        frames: &Bound<'py, PyAny>,
+        readouts_per_frame: u64,
+        insertion: &str,
+        readouts: Option<usize>,
+        out: Option<&Bound<'py, PyAny>>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+        let (light, timeline) = self.light(frames, readouts_per_frame, insertion)?;
+        let (mut inner, frame) = (self.lock()?, self.camera.camera().sensor.geometry.frame_bytes());
+        let out = output(py, out, &light, &timeline, readouts, &[frame])?;
+        let mut target = out.clone().try_readwrite().map_err(|e| busy(&e))?;
+        let bytes = target.as_slice_mut().map_err(|e| busy(&e))?;
+        let total = bytes.len() / frame.max(1);
+        let mut watch = Watch::new(progress);
+        let rows = light.rows();
+        let (geometry, inner) = (inner.simulator.plan().geometry(), &mut *inner);
+        let frames = rows.frames(geometry);
+        let result = quick(py, total * geometry.pixels(), || {
+            inner.simulator.push_frames_watched(&frames, &timeline, bytes, &mut |done| {
+                watch.step(done as f64, total as f64)
+            })
+        });
+        watch.outcome(result)?;
+        drop(target);
+        Ok(out)
+    }
+
+    /// As `push`, but a byte of 0 or 1 for every pixel: uint8 of shape (T, H, W).
+    #[pyo3(signature = (frames, readouts_per_frame=1, *, insertion="linear", readouts=None, out=None, progress=None))]
+    fn push_bits<'py>(
+        &self,
+        py: Python<'py>,
+        frames: &Bound<'py, PyAny>,
+        readouts_per_frame: u64,
+        insertion: &str,
+        readouts: Option<usize>,
+        out: Option<&Bound<'py, PyAny>>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+        let (light, timeline) = self.light(frames, readouts_per_frame, insertion)?;
+        let mut inner = self.lock()?;
+        let geometry = self.camera.camera().sensor.geometry;
+        let out = output(py, out, &light, &timeline, readouts, &[geometry.height(), geometry.width()])?;
+        let mut target = out.clone().try_readwrite().map_err(|e| busy(&e))?;
+        let bits = target.as_slice_mut().map_err(|e| busy(&e))?;
+        let total = bits.len() / geometry.pixels();
+        let mut watch = Watch::new(progress);
+        let rows = light.rows();
+        let frames = rows.frames(geometry);
+        let inner = &mut *inner;
+        let result = quick(py, bits.len(), || {
+            inner.scratch.resize(total * geometry.frame_bytes(), 0);
+            inner.simulator.push_frames_watched(&frames, &timeline, &mut inner.scratch, &mut |done| {
+                watch.step(done as f64, total as f64)
+            })?;
+            let piece = (PIECE / geometry.frame_bytes()).max(1);
+            let packed = inner.scratch.chunks(piece * geometry.frame_bytes());
+            for (packed, bits) in packed.zip(bits.chunks_mut(piece * geometry.pixels())) {
+                spikes::unpack(geometry, packed, bits)?;
+            }
+            Ok(())
+        });
+        if inner.scratch.len() > 4 * PIECE {
+            inner.scratch = Vec::new();
+        }
+        watch.outcome(result)?;
+        drop(target);
+        Ok(out)
+    }
+
+    /// The camera.
+    #[getter]
+    fn camera(&self) -> Camera {
+        self.camera.clone()
+    }
+
+    /// (height, width) in pixels.
+    #[getter]
+    fn shape(&self) -> (usize, usize) {
+        let geometry = self.camera.camera().sensor.geometry;
+        (geometry.height(), geometry.width())
+    }
+
+    /// The next readout, counted from 0.
+    #[getter]
+    fn readout(&self) -> PyResult<u64> {
+        Ok(self.lock()?.simulator.state().readout())
+    }
+
+    /// The instruction set that is used.
+    #[getter]
+    fn backend(&self) -> PyResult<String> {
+        Ok(self.lock()?.simulator.backend().to_string())
+    }
+
+    /// (camera_seed, seed, sequence).
+    #[getter]
+    fn seeds(&self) -> PyResult<(u64, u64, u64)> {
+        let seeds = self.lock()?.simulator.plan().seeds();
+        Ok((seeds.camera, seeds.shot, seeds.sequence))
+    }
+
+    /// All that the camera remembers, and what it belongs to, as bytes for `restore`.
+    fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let inner = self.lock()?;
+        let mut bytes = self.header(&inner);
+        bytes.extend(inner.simulator.state().to_bytes());
+        Ok(PyBytes::new(py, &bytes))
+    }
+
+    /// Goes on from a saved `state` of a simulator with the same camera and seeds, with the same bits.
+    ///
+    /// Raises SpikelaneError for bytes of another version, camera, seeds or greatest light; nothing has changed then.
+    fn restore(&self, state: &[u8]) -> PyResult<()> {
+        let mut inner = self.lock()?;
+        let bad = |found: &str| {
+            usage(
+                "saved state",
+                found,
+                "a state of this camera and these seeds",
+                "make the simulator with the same arguments",
+            )
+        };
+        let header = self.header(&inner);
+        if !state.starts_with(MAGIC) || state.len() < header.len() {
+            let version = state.starts_with(&MAGIC[..6]);
+            return Err(bad(if version { "a state of another version" } else { "other bytes" }));
+        }
+        let (own, rest) = state.split_at(header.len());
+        for (part, found) in [
+            (8..16, "a state of another camera"),
+            (16..40, "a state of other seeds"),
+            (40..48, "a state for another greatest light"),
+        ] {
+            if own[part.clone()] != header[part] {
+                return Err(bad(found));
+            }
+        }
+        let state = State::from_bytes(rest, &inner.simulator.plan().start()).or_raise()?;
+        inner.simulator.resume(state).or_raise()
+    }
+
+    /// Begins another recording of the same camera, at readout 0: far quicker than a new simulator. `sequence` and
+    /// `seed` that are left out stay what they are.
+    #[pyo3(signature = (sequence=None, seed=None))]
+    fn restart(&self, sequence: Option<u64>, seed: Option<u64>) -> PyResult<()> {
+        let mut inner = self.lock()?;
+        let old = inner.simulator.plan().seeds();
+        let seeds =
+            Seeds { shot: seed.unwrap_or(old.shot), sequence: sequence.unwrap_or(old.sequence), ..old };
+        inner.simulator.restart(seeds).or_raise()
+    }
+
+    fn __repr__(&self) -> String {
+        let (height, width) = self.shape();
+        format!("<spikelane.Simulator of {:?}, {height} x {width} pixels>", self.camera.camera().name)
+    }
+}
+
+impl Simulator {
+    fn light<'py>(
+        &self,
+        frames: &Bound<'py, PyAny>,
+        readouts_per_frame: u64,
+        insertion: &str,
+    ) -> PyResult<(Light<'py>, Timeline)> {
+        let timeline = timeline(readouts_per_frame, insertion)?;
+        let light = Light::of(frames, "frames")?;
+        light.check_size(self.camera.camera().sensor.geometry, "frames")?;
+        Ok((light, timeline))
+    }
+
+    /// The simulator, if no other thread is at it; in a forked process with threads of its own.
+    fn lock(&self) -> PyResult<MutexGuard<'_, Inner>> {
+        let mut inner = self.inner.try_lock().map_err(|_| {
+            usage(
+                "simulator",
+                "a call of another thread at work, or one that was when this process was forked",
+                "one call at a time",
+                "make a simulator for each thread and process",
+            )
+        })?;
+        if inner.threads > 1 && inner.process != std::process::id() {
+            let pool = Pool::new(inner.threads).or_raise()?;
+            let simulator = inner.simulator.clone().with_pool(&pool);
+            // The parent's threads are not here to be ended.
+            std::mem::forget(std::mem::replace(&mut inner.simulator, simulator));
+            inner.process = std::process::id();
+        }
+        Ok(inner)
+    }
+
+    fn header(&self, inner: &Inner) -> Vec<u8> {
+        let seeds = inner.simulator.plan().seeds();
+        let mut bytes = MAGIC.to_vec();
+        let words =
+            [self.camera.inner.key, seeds.camera, seeds.shot, seeds.sequence, self.greatest_light.to_bits()];
+        words.iter().for_each(|word| bytes.extend(word.to_le_bytes()));
+        bytes
+    }
+}
+
+/// Work of fewer pixel-readouts than this is over before another thread could take the interpreter's lock.
+const QUICK: usize = 1 << 13;
+
+/// Does `work` without the interpreter's lock, unless that costs more than the work.
+fn quick<T: Send>(py: Python<'_>, pixel_readouts: usize, work: impl FnOnce() -> T + Send) -> T {
+    if pixel_readouts < QUICK { work() } else { py.detach(work) }
+}
+
+fn busy(error: &dyn std::fmt::Display) -> PyErr {
+    usage("out", error, "an array of its own in one block", "give another array")
+}
+
+/// The caller's buffer, or a new array, of (readouts, *tail).
+fn output<'py>(
+    py: Python<'py>,
+    out: Option<&Bound<'py, PyAny>>,
+    light: &Light<'_>,
+    timeline: &Timeline,
+    readouts: Option<usize>,
+    tail: &[usize],
+) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+    let lasts = timeline.readouts(light.count() as u64).unwrap_or(0);
+    let readouts = wanted(readouts, lasts)?;
+    let shape: Vec<usize> = std::iter::once(readouts).chain(tail.iter().copied()).collect();
+    match out {
+        None => zeros(py, &shape),
+        Some(out) => {
+            drop(buffer(out, &shape, false)?);
+            Ok(out.cast::<PyArrayDyn<u8>>()?.clone())
+        }
+    }
+}
+
+/// How many readouts of the `lasts` that the frames last.
+pub fn wanted(readouts: Option<usize>, lasts: u64) -> PyResult<usize> {
+    let all = usize::try_from(lasts).unwrap_or(usize::MAX);
+    match readouts {
+        None => Ok(all),
+        Some(n) if n <= all => Ok(n),
+        Some(n) => Err(usage(
+            "readouts",
+            n,
+            format_args!("at most {all}, which the frames last"),
+            "give more frames, or more readouts per frame",
+        )),
+    }
+}
+
+/// A timeline of frames that last as long as each other.
+pub fn timeline(readouts_per_frame: u64, insertion: &str) -> PyResult<Timeline> {
+    let insertion: Insertion = insertion.parse().map_err(|e| raise(&e))?;
+    Timeline::per_frame(readouts_per_frame, insertion).or_raise()
+}
+
+/// Refuses numbers of threads that no machine has.
+pub fn check_threads(threads: usize) -> PyResult<()> {
+    if (1..=4096).contains(&threads) {
+        return Ok(());
+    }
+    Err(usage("threads", threads, "1 to 4096", "give the number of cores"))
+}

@@ -1,0 +1,46 @@
+"""What several tests share: cameras, light, the program, the golden table."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import spikelane as sl
+
+ROOT = Path(__file__).resolve().parents[3]
+GOLDEN = ROOT / "tests" / "golden.json"
+
+
+@pytest.fixture
+def camera() -> sl.Camera:
+    return sl.Camera.preset("physical").resized(12, 20)
+
+
+@pytest.fixture
+def clip() -> np.ndarray:
+    """Five frames of 12 x 20 that move."""
+    row, col = np.mgrid[0:12, 0:20]
+    return np.stack([(row * 9 + col * 7 + 31 * k) % 256 for k in range(5)]).astype(np.uint8)
+
+
+@pytest.fixture(scope="session")
+def golden() -> list[dict]:
+    if not GOLDEN.is_file():
+        pytest.skip(f"{GOLDEN} is not here: the table lies in the repository")
+    return json.loads(GOLDEN.read_text())
+
+
+@pytest.fixture(scope="session")
+def program() -> list[str]:
+    """The command `spikelane`: SPIKELANE names another, which CI sets to the one that cargo built."""
+    named = os.environ.get("SPIKELANE")
+    if named:
+        return [named]
+    installed = shutil.which("spikelane", path=str(Path(sys.executable).parent))
+    return [installed] if installed else [sys.executable, "-m", "spikelane"]

@@ -1,0 +1,99 @@
+"""Many clips at once are the clips one by one."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+
+import numpy as np
+import pytest
+
+import spikelane as sl
+
+
+@pytest.fixture
+def clips(clip) -> np.ndarray:
+    return np.stack([np.roll(clip, k, axis=2) for k in range(6)])
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("insertion", ["hold", "linear"])
+def test_a_batch_is_its_clips_one_by_one(camera, clips, threads, insertion):
+    sequences = [5, 1, 2**63, 0, 9, 9]
+    bits = sl.simulate_batch(
+        camera, clips, 3, sequences=sequences, seed=4, camera_seed=2, insertion=insertion, threads=threads
+    )
+    packed = sl.simulate_batch(
+        camera, clips, 3, sequences=sequences, seed=4, camera_seed=2, insertion=insertion, threads=threads, bits=False
+    )
+    for i, sequence in enumerate(sequences):
+        simulator = sl.Simulator(camera, seed=4, camera_seed=2, sequence=sequence)
+        expected = simulator.push(clips[i], 3, insertion=insertion)
+        np.testing.assert_array_equal(packed[i], expected)
+        np.testing.assert_array_equal(sl.pack(bits[i]), expected)
+
+
+def test_cameras_and_camera_seeds_may_differ_from_clip_to_clip(camera, clips):
+    cameras = [camera, camera.clean_twin(), camera.with_effect("prnu", sigma=0.3)] * 2
+    found = sl.simulate_batch(cameras, clips, sequences=range(6), camera_seed=range(6), threads=2)
+    for i, one in enumerate(cameras):
+        alone = sl.Simulator(one, sequence=i, camera_seed=i).push_bits(clips[i])
+        np.testing.assert_array_equal(found[i], alone)
+
+
+@pytest.mark.parametrize("bits", [True, False])
+def test_windows_are_windows_of_the_camera(clips, bits):
+    camera = sl.Camera.preset("physical").resized(40, 50)
+    places = np.array([(0, 0), (28, 30), (3, 7), (3, 7), (5, 6), (0, 1)])
+    found = sl.simulate_batch(camera, list(clips), 2, sequences=range(6), windows=places, bits=bits, threads=2)
+    for i, (row, col) in enumerate(places):
+        part = sl.Simulator(camera.window(int(row), int(col), 12, 20), sequence=i)
+        expected = part.push_bits(clips[i], 2) if bits else part.push(clips[i], 2)
+        np.testing.assert_array_equal(found[i], expected)
+
+
+def test_the_callers_buffer_is_filled(camera, clips):
+    out = np.full((6, 5, 12, 20), 7, np.uint8)
+    assert sl.simulate_batch(camera, clips, sequences=range(6), out=out) is out
+    np.testing.assert_array_equal(out, sl.simulate_batch(camera, clips, sequences=range(6)))
+
+
+def test_progress_counts_clips_and_its_error_stops(camera, clips):
+    for threads in (1, 2):
+        heard: list[tuple[float, float]] = []
+        sl.simulate_batch(
+            camera, clips, sequences=range(6), threads=threads, progress=lambda d, t: heard.append((d, t))
+        )
+        assert heard[-1] == (6, 6)
+
+        def stop(done: float, total: float) -> None:
+            raise LookupError
+
+        with pytest.raises(LookupError):
+            sl.simulate_batch(camera, clips, sequences=range(6), threads=threads, progress=stop)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_ctrl_c_stops_a_batch(camera, clips, threads):
+    many = [clips[0]] * 200_000
+    timer = threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        for _ in range(100):
+            sl.simulate_batch(camera, many, 20, sequences=range(200_000), bits=False, threads=threads)
+    timer.join()
+
+
+def test_light_at_a_readout_is_what_the_sensor_sees(clip):
+    at = [0, 3, 4, 9, 16, 19]
+    found = sl.light_at(clip, at, 4)
+    full = clip.astype(np.float32) / 255
+    for light, t in zip(found, at, strict=True):
+        k, w = min(t // 4, 4), (t % 4) / 4
+        k, w = (4, 0) if t >= 16 else (k, w)
+        expected = full[k] if w == 0 else full[k] + np.float32(w) * (full[k + 1] - full[k])
+        np.testing.assert_allclose(light, expected, atol=1e-6)
+    np.testing.assert_array_equal(sl.light_at(clip, [6], 4, insertion="hold")[0], full[1])
+    with pytest.raises(sl.SpikelaneError, match="readout 20"):
+        sl.light_at(clip, [20], 4)

@@ -1,0 +1,126 @@
+"""Cameras: what they are made of, and that they travel whole."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+import spikelane as sl
+
+
+def test_every_preset_simulates():
+    assert "physical" in sl.presets()
+    for name in sl.presets():
+        camera = sl.Camera.preset(name).resized(10, 16)
+        assert camera.name == name and camera.shape == (10, 16)
+        spikes = sl.Simulator(camera).push_bits(np.full((10, 16), 128, np.uint8), 50)
+        assert 0.1 < spikes.mean() < 0.9, name
+
+
+def test_equal_cameras_are_equal_and_hash_alike(camera):
+    other = sl.Camera.preset("physical").resized(12, 20)
+    assert other == camera and hash(other) == hash(camera) and len({other, camera}) == 1
+    assert camera != camera.with_effect("prnu", sigma=0.03) and camera != 3
+    assert camera.with_effect("prnu", sigma=0.02) == camera
+
+
+@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))])
+def test_a_camera_travels_with_maps_and_window(camera, again):
+    gain = np.linspace(0.9, 1.1, 240).reshape(12, 20)
+    whole = camera.with_maps(gain=gain)
+    for one in (camera, whole, whole.window(2, 3, 5, 7)):
+        assert again(one) == one
+    np.testing.assert_array_equal(again(whole).maps["gain"], gain)
+    assert again(whole.window(2, 3, 5, 7)).place == (2, 3, 5, 7)
+
+
+def test_a_camera_file_with_maps_comes_back_from_its_folder(camera, tmp_path):
+    whole = camera.with_maps(swing_v=np.full((12, 20), 1.05)).window(1, 1, 4, 8)
+    path = whole.save(tmp_path / "camera")
+    assert sl.Camera.load(path) == whole
+    with pytest.raises(FileExistsError):
+        whole.save(tmp_path / "camera")
+    whole.save(tmp_path / "camera", force=True)
+    assert sl.Camera.from_toml(whole.to_toml(), path.parent) == whole
+
+
+def test_pickles_of_other_versions_and_torn_ones_are_refused(camera):
+    data = camera.to_bytes()
+    for wrong in (b"", b"spkcam99" + data[8:], data[:-1], data[:20], b"x" * 100):
+        with pytest.raises(sl.SpikelaneError, match="camera bytes"):
+            sl.Camera.from_bytes(wrong)
+    pickled = pickle.dumps(camera).replace(b"spkcam01", b"spkcam02")
+    with pytest.raises(sl.SpikelaneError, match="another version"):
+        pickle.loads(pickled)
+
+
+def test_an_effect_starts_neutral_and_keeps_what_is_not_named(camera):
+    ideal = sl.Camera.ideal(4, 4)
+    assert ideal.effects == {}
+    changed = ideal.with_effect("dark_current", mean="500 fA")
+    assert changed.effects["dark_current"] == {"mean": 0.5, "sigma": 0.0, "negative": "kept"}
+    assert changed.with_effect("dark_current", negative="zero").effects["dark_current"]["mean"] == 0.5
+    assert changed.without("dark_current") == ideal
+    for name, values in [("prnoo", {}), ("prnu", {"sigmma": 1}), ("prnu", {"sigma": -1})]:
+        with pytest.raises(sl.SpikelaneError):
+            ideal.with_effect(name, **values)
+    for value in ("2 V", None, [1]):
+        with pytest.raises(sl.SpikelaneError):
+            ideal.with_effect("prnu", sigma=value)
+    with pytest.raises(sl.SpikelaneError):
+        ideal.without("prnoo")
+
+
+def test_effects_say_units_ranges_and_sources():
+    all_ = sl.effects()
+    assert all_["prnu"]["parameters"]["sigma"]["high"] == 1.0
+    assert all_["dark_current"]["parameters"]["mean"]["unit"] == "pA"
+    assert all_["shot_noise"]["parameters"]["counts"]["words"] == ["electrons", "photons"]
+
+
+def test_maps_of_another_size_or_not_finite_are_refused(camera):
+    for wrong in (np.ones((12, 19)), np.full((12, 20), np.nan)):
+        with pytest.raises(sl.SpikelaneError, match="gain"):
+            camera.with_maps(gain=wrong)
+    with pytest.raises(TypeError):
+        camera.with_maps(gain=np.ones((12, 20), np.float32))
+    with pytest.raises(sl.SpikelaneError):
+        camera.with_maps(gain=np.ones((12, 20))).resized(4, 4)
+
+
+def test_a_window_has_the_pattern_of_its_place():
+    # Gains differ, nothing is drawn at readouts: the window's spikes are those of the whole at that place.
+    camera = sl.Camera.ideal(30, 40).with_effect("prnu", sigma=0.05).with_effect("vignetting", strength=0.4)
+    light = np.random.default_rng(0).integers(0, 256, (30, 40), np.uint8)
+    whole = sl.Simulator(camera, camera_seed=3).push_bits(light, 300)
+    part = sl.Simulator(camera.window(7, 11, 12, 17), camera_seed=3)
+    found = part.push_bits(light[7:19, 11:28], 300)
+    np.testing.assert_array_equal(found, whole[:, 7:19, 11:28])
+
+
+def test_the_clean_twin_has_no_noise(camera):
+    twin = camera.clean_twin()
+    light = np.full((12, 20), 128, np.uint8)
+    a = sl.Simulator(twin, seed=1, sequence=5).push(light, 40)
+    b = sl.Simulator(twin, seed=1, sequence=5, camera_seed=9).push(light, 40)
+    np.testing.assert_array_equal(a, b)
+    assert set(twin.effects) <= {"start_phase", "saturation_clamp"}
+
+
+def test_a_distribution_draws_the_same_camera_for_the_same_seed():
+    cameras = sl.CameraDistribution()
+    assert cameras.draw(3) == cameras.draw(3) != cameras.draw(4)
+    assert pickle.loads(pickle.dumps(cameras)) == cameras
+    low, high, unit, law = cameras.ranges["effects.shot_noise.photons_at_full_scale"]
+    assert (low, high, unit, law) == (200.0, 30000.0, "electrons", "log_uniform")
+    exposures = [cameras.draw(seed).thresholds_at_full_scale for seed in range(300)]
+    assert 0.02 <= min(exposures) < 0.03 and 0.4 < max(exposures) <= 0.6
+    # The median of a log-uniform law is the geometric mean of its bounds, 0.1095; 300 draws know it to 17 %.
+    assert 0.065 < np.median(exposures) < 0.185
+    spreads = [cameras.draw(seed).effects["prnu"]["sigma"] for seed in range(300)]
+    assert 0 <= min(spreads) and max(spreads) <= 0.07 and 0.025 < np.mean(spreads) < 0.045
+    with pytest.raises(sl.SpikelaneError):
+        sl.CameraDistribution("[effects.prnu]\nsigma = { uniform = [1, 0] }")

@@ -1,0 +1,105 @@
+"""SpikeCV and Spike-Zoo read what Python wrote, and Python reads what they wrote, bit for bit.
+
+Their own functions run when the peers are there: SPIKECV names a checkout of SpikeCV, SPIKEZOO an unpacked wheel (or the
+package is installed). Both drag in more than these functions need, so each function is taken out of its file.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import os
+import sys
+import warnings
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import spikelane as sl
+
+SHAPES = [(6, 16, 24), (4, 250, 400)]
+
+
+def taken(path: Path, *names: str) -> SimpleNamespace:
+    """The functions and classes `names` of a file, without its imports."""
+    tree = ast.parse(path.read_text())
+    tree.body = [node for node in tree.body if getattr(node, "name", None) in names]
+    space: dict[str, Any] = {
+        "np": np,
+        "os": os,
+        "osp": os.path,
+        "warnings": warnings,
+        "platform": __import__("platform"),
+        "Literal": __import__("typing").Literal,
+        "_platform_check_done": True,
+        "torch": SimpleNamespace(from_numpy=lambda x: x),
+    }
+    exec(compile(tree, str(path), "exec"), space)
+    return SimpleNamespace(**{name: space[name] for name in names})
+
+
+@pytest.fixture
+def zoo() -> SimpleNamespace:
+    root = os.environ.get("SPIKEZOO")
+    if root is None:
+        found = importlib.util.find_spec("spikezoo")
+        if found is None or found.origin is None:
+            pytest.skip("Spike-Zoo is not here: pip install spikezoo, or SPIKEZOO=folder of its package")
+        root = str(Path(found.origin).parent)
+    return taken(Path(root) / "utils" / "spike_utils.py", "load_vidar_dat", "save_vidar_dat")
+
+
+@pytest.fixture
+def cv() -> SimpleNamespace:
+    root = os.environ.get("SPIKECV")
+    if root is None:
+        pytest.skip("SpikeCV is not here: SPIKECV=folder of a checkout")
+    data = Path(root) / "SpikeCV" / "spkData"
+    space = taken(data / "load_dat.py", "SpikeStream")
+    space.SpikeToRaw = taken(data / "save_dat.py", "SpikeToRaw").SpikeToRaw
+    return space
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_spike_zoo_and_python_read_each_other(zoo, tmp_path, shape):
+    bits = np.random.default_rng(3).integers(0, 2, shape, np.uint8)
+    sl.write_stream(tmp_path / "a.dat", bits)
+    np.testing.assert_array_equal(zoo.load_vidar_dat(tmp_path / "a.dat", shape[1], shape[2]), bits)
+    zoo.save_vidar_dat(str(tmp_path / "b.dat"), bits)
+    np.testing.assert_array_equal(sl.open_stream(tmp_path / "b.dat", height=shape[1], width=shape[2]).bits(), bits)
+    assert (tmp_path / "a.dat").read_bytes() == (tmp_path / "b.dat").read_bytes()
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_spikecv_and_python_read_each_other(cv, tmp_path, shape):
+    bits = np.random.default_rng(4).integers(0, 2, shape, np.uint8)
+    sl.write_stream(tmp_path / "a.dat", bits)
+    stream = cv.SpikeStream(
+        filepath=str(tmp_path / "a.dat"), spike_h=shape[1], spike_w=shape[2], print_dat_detail=False
+    )
+    np.testing.assert_array_equal(stream.get_spike_matrix(), bits)
+    block = stream.get_block_spikes(begin_idx=1, block_len=2)
+    np.testing.assert_array_equal(block, bits[1:3])
+    try:
+        cv.SpikeToRaw(str(tmp_path / "b.dat"), bits)
+    except ValueError as error:
+        # Its writer appends eight zeros to a frame of whole bytes, which then has no shape.
+        assert "reshape" in str(error)
+        return
+    np.testing.assert_array_equal(sl.open_stream(tmp_path / "b.dat", height=shape[1], width=shape[2]).bits(), bits)
+
+
+def test_examples_run(tmp_path):
+    sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
+    try:
+        import spikecv_stream
+    finally:
+        sys.path.pop(0)
+    spikes = spikecv_stream.write(tmp_path)
+    np.testing.assert_array_equal(sl.open_stream(tmp_path / "light.dat").bits(), spikes)
+    raw = np.fromfile(tmp_path / "light.dat", np.uint8).reshape(spikes.shape[0], -1)
+    frames = np.unpackbits(raw, axis=1, bitorder="little").reshape(spikes.shape)
+    np.testing.assert_array_equal(frames[:, ::-1], spikes)

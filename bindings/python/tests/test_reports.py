@@ -1,0 +1,139 @@
+"""Measurement, calibration, diagnosis and scenes say what the program says."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import signal
+import subprocess
+import threading
+
+import numpy as np
+import pytest
+
+import spikelane as sl
+
+
+@pytest.fixture(scope="module")
+def flat() -> np.ndarray:
+    camera = sl.Camera.preset("physical").resized(24, 32)
+    return sl.Simulator(camera).push(np.full((24, 32), 60, np.uint8), 3000)
+
+
+def test_measure_says_what_the_program_says(flat, tmp_path, program):
+    sl.write_stream(tmp_path / "a.dat", flat, height=24, width=32)
+    done = subprocess.run([*program, "--json", "measure", tmp_path / "a.dat"], capture_output=True, text=True, check=True)
+    said = json.loads(done.stdout.splitlines()[-1])
+    for stream in (tmp_path / "a.dat", sl.open_stream(tmp_path / "a.dat")):
+        found = sl.measure(stream)
+        assert found.mean_rate.value == said["mean_rate"]["value"]
+        assert found.readouts == 3000
+        assert {s.key: s.estimate.value for s in found.statistics if s.estimate.value == s.estimate.value} == {
+            s["key"]: s["estimate"]["value"] for s in said["statistics"] if s["estimate"]["value"] is not None
+        }
+    bits = sl.unpack(flat, 24, 32)
+    np.testing.assert_allclose(found.rate, bits.mean(axis=0))
+    assert found["mean-rate"] == found.mean_rate
+    assert found == found and dataclasses.is_dataclass(found)
+    with pytest.raises(KeyError, match="mean-rate"):
+        found["no such"]
+
+
+def test_measure_takes_packed_spikes_and_tells_progress(flat):
+    heard: list[float] = []
+    found = sl.measure(flat, 24, 32, progress=lambda done, total: heard.append(done / total))
+    assert heard[-1] == 1.0
+    assert found.mean_rate.value == pytest.approx(sl.unpack(flat, 24, 32).mean())
+    with pytest.raises(sl.SpikelaneError):
+        sl.measure(flat)
+
+
+def test_an_error_of_the_callback_ends_a_measurement(flat):
+    def stop(done: float, total: float) -> None:
+        raise OverflowError
+
+    with pytest.raises(OverflowError):
+        sl.measure(flat, 24, 32, progress=stop)
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory) -> os.PathLike:
+    """Dark and two levels of a camera, simulated here."""
+    folder = tmp_path_factory.mktemp("set")
+    camera = sl.Camera.preset("physical").resized(32, 32).without("hot_pixels")
+    rows = ["width = 32", "height = 32", "readout_hz = 20000.0"]
+    for i, level in enumerate((0.0, 0.1, 0.3, 0.6)):
+        light = np.full((32, 32), level, np.float32)
+        spikes = sl.Simulator(camera, sequence=i, camera_seed=3).push(light, 4000)
+        sl.write_stream(folder / f"{i}.dat", spikes, height=32, width=32, readout_hz=20_000)
+        rows += ["[[recording]]", f'file = "{i}.dat"', f"light = {level}"]
+    (folder / "set.toml").write_text("\n".join(rows))
+    return folder / "set.toml"
+
+
+def test_calibrate_finds_the_camera_that_recorded(recordings, tmp_path):
+    found = sl.calibrate(recordings, out=tmp_path / "c")
+    # Four levels over 1024 pixels: the mean gain is known to the light's 1 %.
+    assert found.gain.value == pytest.approx(1.0, abs=0.03)
+    assert 0.01 < found.gain_spread.value < 0.03
+    assert {lamp.stated for lamp in found.levels} == {0.0, 0.1, 0.3, 0.6}
+    assert found.camera.shape == (32, 32) and set(found.camera.maps) == {"gain", "dark_pa", "swing_v"}
+    assert sl.Camera.load(tmp_path / "c" / "camera.toml") == found.camera
+    assert json.loads((tmp_path / "c" / "calibration.json").read_text())["width"] == 32
+    with pytest.raises(FileExistsError):
+        sl.calibrate(recordings, out=tmp_path / "c")
+    # The calibrated camera simulates.
+    assert sl.Simulator(found.camera).push_bits(np.full((32, 32), 100, np.uint8), 50).mean() > 0.2
+
+
+def test_bad_sets_are_refused(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        sl.calibrate(tmp_path / "no.toml")
+    (tmp_path / "bad.toml").write_text("width = 3")
+    for function in (sl.calibrate, sl.diagnose):
+        with pytest.raises(sl.SpikelaneError, match="bad.toml"):
+            function(tmp_path / "bad.toml")
+
+
+def test_ctrl_c_stops_a_diagnosis(recordings):
+    timer = threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        for _ in range(100):
+            sl.diagnose(recordings)
+    timer.join()
+
+
+@pytest.mark.skipif(
+    not os.environ.get("SPIKELANE_SLOW"), reason="a whole diagnosis takes minutes; SPIKELANE_SLOW=1 runs it"
+)
+def test_diagnose_agrees_with_the_camera_that_recorded(recordings, tmp_path):
+    found = sl.diagnose(recordings, out=tmp_path / "d")
+    assert found.verdict in ("agrees", "explained", "partly-explained", "unknown")
+    assert found.camera.shape == (32, 32) and found.gap.floor > 0
+    assert json.loads((tmp_path / "d" / "diagnosis.json").read_text())["verdict"] == found.verdict
+
+
+def test_a_scene_has_light_and_labels_as_arrays():
+    scene = sl.Scene(7, 40, 64, lighting="noon", duration_s=1.0)
+    found = scene.render(0.5)
+    assert found.light.shape == found.depth.shape == found.instances.shape == (40, 64)
+    assert found.light.dtype == np.float32 and found.rgb.shape == (40, 64, 3)
+    assert found.flow.shape == (2, 40, 64) and found.occluded.dtype == np.bool_
+    assert np.isfinite(found.light).all() and (found.light >= 0).all()
+    seen = set(np.unique(found.instances)) - {0}
+    assert seen == {box.track_id for box in found.boxes if box.visible_pixels}
+    for box in found.boxes:
+        if box.visible:
+            rows, cols = np.nonzero(found.instances == box.track_id)
+            assert box.visible_pixels == rows.size
+            assert box.visible[0] == pytest.approx(cols.min(), abs=1) and box.visible[3] == pytest.approx(rows.max() + 1, abs=1)
+    again = sl.Scene(7, 40, 64, lighting="noon", duration_s=1.0).render(0.5, threads=2)
+    np.testing.assert_array_equal(again.light, found.light)
+    clip = scene.clip(0.1, 3, 1000)
+    np.testing.assert_array_equal(clip[2], scene.render(0.102).light)
+    assert len(sl.Scene.semantic_names()) > found.semantic.max()
+    for wrong in (lambda: scene.render(2.0), lambda: scene.clip(0.9, 300, 1000), lambda: sl.Scene(1, lighting="blue")):
+        with pytest.raises(sl.SpikelaneError):
+            wrong()
