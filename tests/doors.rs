@@ -71,9 +71,8 @@ fn a_restarted_simulator_gives_the_bits_of_a_new_one() {
 /// A camera whose pixels differ and draw nothing at readouts.
 fn patterned(width: u32, height: u32) -> Camera {
     let names = ["prnu", "smooth_prnu", "column_pattern", "row_pattern", "vignetting", "dead_pixels"];
-    names.iter().fold(sized("ideal", width, height), |camera, name| {
-        camera.with(effects::find(name).unwrap().typical())
-    })
+    let bare = sized("ideal", width, height).without("start_phase");
+    names.iter().fold(bare, |camera, name| camera.with(effects::find(name).unwrap().typical()))
 }
 
 #[test]
@@ -93,7 +92,8 @@ fn a_window_shows_what_the_whole_sensor_shows_at_its_place() {
     spikes::unpack(geometry, &all, &mut all_bits).unwrap();
     spikes::unpack(part, &out, &mut bits).unwrap();
     let expected: Vec<u8> = all_bits.chunks(geometry.pixels()).flat_map(|f| crop.pick(geometry, f)).collect();
-    assert_eq!(bits, expected);
+    let differ = bits.iter().zip(&expected).filter(|(a, b)| a != b).count();
+    assert_eq!(differ, 0, "of {}", bits.len());
     assert!(bits.contains(&0) && bits.contains(&1));
 }
 

@@ -109,7 +109,7 @@ pub fn simulate_batch<'py>(
             return Err(usage("camera", found, "one size", "resize the camera, or give windows"));
         }
     }
-    let readouts = wanted(readouts, timeline.readouts(lights[0].count() as u64).unwrap_or(0))?;
+    let readouts = wanted(readouts, timeline.readouts(lights[0].count() as u64).unwrap_or(u64::MAX))?;
     let tail = if bits { vec![height, width] } else { vec![geometry.frame_bytes()] };
     let shape: Vec<usize> = [lights.len(), readouts].into_iter().chain(tail).collect();
     let out = match out {
@@ -340,7 +340,7 @@ pub fn light_at<'py>(
     let light = Light::of(frames, "frames")?;
     let (height, width) = light.size();
     let geometry = geometry(height, width)?;
-    let lasts = timeline.readouts(light.count() as u64).unwrap_or(0);
+    let lasts = timeline.readouts(light.count() as u64).unwrap_or(u64::MAX);
     if let Some(beyond) = at.iter().find(|t| **t >= lasts) {
         let remedy = "ask for readouts of the clip";
         return Err(usage(

@@ -181,10 +181,12 @@ impl Scene {
         picture(py, light, &[frames, size.0, size.1])
     }
 
-    /// Names of the values of `semantic` pictures, in their order.
+    /// Names of the values of `semantic` pictures, by value.
     #[staticmethod]
-    fn semantic_names() -> Vec<&'static str> {
-        Semantic::ALL.iter().map(|s| s.name()).collect()
+    fn semantic_names(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+        let names = PyDict::new(py);
+        Semantic::ALL.iter().try_for_each(|s| names.set_item(*s as u8, s.name()))?;
+        Ok(names)
     }
 
     fn __repr__(&self) -> String {

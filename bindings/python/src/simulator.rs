@@ -322,7 +322,7 @@ fn output<'py>(
     readouts: Option<usize>,
     tail: &[usize],
 ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
-    let lasts = timeline.readouts(light.count() as u64).unwrap_or(0);
+    let lasts = timeline.readouts(light.count() as u64).unwrap_or(u64::MAX);
     let readouts = wanted(readouts, lasts)?;
     let shape: Vec<usize> = std::iter::once(readouts).chain(tail.iter().copied()).collect();
     match out {

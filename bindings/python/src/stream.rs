@@ -199,6 +199,7 @@ pub fn write_stream(
 ) -> PyResult<String> {
     let layout = Layout::parse(layout).or_raise()?;
     let given = shape_of(height, width)?;
+    drop(bytes(spikes, "spikes")?);
     let packed = if spikes.getattr("ndim").and_then(|n| n.extract::<usize>()).ok() == Some(3) {
         crate::spikes::pack(py, spikes)?.into_any()
     } else {

@@ -105,7 +105,7 @@ def test_the_systems_refusals_are_what_python_calls_them(tmp_path):
     assert raised.value.errno == 2 and "no.dat" in raised.value.subject
     with pytest.raises(FileNotFoundError):
         sl.Camera.load(tmp_path / "no.toml")
-    with pytest.raises(OSError):
+    with pytest.raises(sl.SpikelaneError, match="a directory"):
         sl.open_stream(tmp_path, height=2, width=8)
     spikes = np.zeros((3, 2), np.uint8)
     sl.write_stream(tmp_path / "a.dat", spikes, height=2, width=8)

@@ -59,7 +59,7 @@ def test_the_layouts_of_cameras_come_back(tmp_path, layout, shape):
     found = sl.open_stream(tmp_path / "a.dat", layout=layout)
     np.testing.assert_array_equal(found.bits(), bits)
     with pytest.raises(sl.SpikelaneError, match="layout"):
-        sl.write_stream(tmp_path / "b.dat", bits[:, 1:], layout=layout)
+        sl.write_stream(tmp_path / "b.dat", bits[:, 1:].copy(), layout=layout)
 
 
 def test_dat_is_what_numpy_reads_bottom_row_first(bits, tmp_path):

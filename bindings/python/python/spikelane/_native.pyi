@@ -9,7 +9,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 __version__: str
-__all__: list[str]
+__all__ = [
+    "Camera",
+    "CameraDistribution",
+    "Scene",
+    "Simulator",
+    "Stream",
+    "__version__",
+    "calibrate",
+    "command",
+    "diagnose",
+    "effects",
+    "light_at",
+    "measure",
+    "open_stream",
+    "pack",
+    "presets",
+    "simulate_batch",
+    "span_rate",
+    "tfi",
+    "tfp",
+    "unpack",
+    "write_stream",
+]
 
 _Light: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32] | NDArray[Any]
 _Bytes: TypeAlias = NDArray[np.uint8]
@@ -192,7 +214,7 @@ class Scene:
         progress: object = None,
     ) -> NDArray[np.float32]: ...
     @staticmethod
-    def semantic_names() -> list[str]: ...
+    def semantic_names() -> dict[int, str]: ...
 
 def command(args: Sequence[str]) -> int: ...
 def presets() -> list[str]: ...

@@ -151,8 +151,8 @@ class Scene:
         return self._native.clip(t, frames, hz, samples=samples, threads=threads, progress=progress)
 
     @staticmethod
-    def semantic_names() -> list[str]:
-        """Names of the values of ``semantic`` pictures, in their order."""
+    def semantic_names() -> dict[int, str]:
+        """Names of the values of ``semantic`` pictures, by value."""
         return _native.Scene.semantic_names()
 
     def __repr__(self) -> str:
