@@ -96,9 +96,7 @@ def one_stream(table: Table) -> None:
     python = 4000 * 100_000 / seconds / 1e9
     said = subprocess.run([*command, "--json", "bench", "--quick"], capture_output=True, text=True, check=True)
     rows = json.loads(said.stdout.splitlines()[-1])["rows"]
-    kernels = [
-        r for r in rows if r["work"] == "frames in memory" and r["noise"] == "full noise" and r["threads"] == 1
-    ]
+    kernels = [r for r in rows if r["work"] == "frames in memory" and r["noise"] == "full noise" and r["threads"] == 1]
     kernel = max(r["gigapixel_readouts_per_second"] for r in kernels)
     table.row(
         "400x250 x 4000 readouts, full noise, one call",
@@ -161,12 +159,12 @@ def crops(table: Table, spikezoo: Path | None, spikecv: Path | None) -> None:
         space = {name: getattr(np, name) for name in ("zeros_like", "zeros")} | {"float": float}
         from types import SimpleNamespace
 
-        convert = function(spikecv / "SpikeCV" / "spkData" / "convert_img.py", "img_to_spike", np=SimpleNamespace(**space))
+        convert = function(
+            spikecv / "SpikeCV" / "spkData" / "convert_img.py", "img_to_spike", np=SimpleNamespace(**space)
+        )
         seconds = best(lambda: [convert(clip[0], 1.0, 1.0, 41) for clip in full]) * 4
         held = clips[:, :1]
-        ours = best(
-            lambda: sl.simulate_batch(camera, held, 41, sequences=range(64), bits=False, out=packed)
-        )
+        ours = best(lambda: sl.simulate_batch(camera, held, 41, sequences=range(64), bits=False, out=packed))
         unpacked = best(lambda: sl.simulate_batch(camera, held, 41, sequences=range(64), out=bits))
         table.row(
             "SpikeCV `img_to_spike`, one image held, without noise",

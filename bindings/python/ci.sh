@@ -17,17 +17,23 @@ venv=target/python
 if [ ! -x "$venv/bin/pip" ]; then
     "$python" -m venv --system-site-packages "$venv" || skip "no venv: install python3-venv"
 fi
-"$venv/bin/pip" install -q 'maturin>=1.9,<2' 'numpy>=1.24' || skip "maturin or numpy could not be installed"
-"$venv/bin/pip" install -q pytest || skip "pytest could not be installed"
-for tool in mypy ruff; do
+"$venv/bin/pip" install -q 'numpy>=1.24' pytest || skip "numpy or pytest could not be installed"
+for tool in mypy ruff tqdm; do
     "$venv/bin/pip" install -q "$tool" || echo "bindings/python: without $tool, which could not be installed"
 done
 "$venv/bin/python" -c 'import torch' 2>/dev/null ||
     echo "bindings/python: without torch: apt-get install python3-torch; its tests are skipped"
 
-# The profile of the tests, so that most of what they compiled is used again.
-VIRTUAL_ENV="$PWD/$venv" "$venv/bin/maturin" develop -q
-export PATH="$PWD/$venv/bin:$PATH"
+# Not by maturin, which would compile most crates a second time: with a bench beside it, and so with what tests need, the
+# module shares every crate with `cargo test --workspace`. Its users' wheel is `pip install .`.
+PYO3_BUILD_EXTENSION_MODULE=1 cargo build -q --workspace --lib --bin spikelane --bench plan
+package=bindings/python/python
+case "$(uname)" in
+Darwin) cp target/debug/lib_native.dylib "$package/spikelane/_native.abi3.so" ;;
+*) cp target/debug/lib_native.so "$package/spikelane/_native.abi3.so" ;;
+esac
+
+export PYTHONPATH="$PWD/$package" SPIKELANE="$PWD/target/debug/spikelane"
 SPIKELANE_TRAIN_SECONDS=${SPIKELANE_TRAIN_SECONDS:-5} "$venv/bin/python" -m pytest -q -rs bindings/python/tests
 if [ -x "$venv/bin/mypy" ]; then
     "$venv/bin/mypy" --config-file pyproject.toml

@@ -1,10 +1,10 @@
 """Streams for SpikeCV's loader: a .dat file, and the config.yaml beside it that its examples read.
 
-    python spikecv_stream.py FOLDER
+python spikecv_stream.py FOLDER
 
-    from spikecv.spkData.load_dat import data_parameter_dict, SpikeStream
-    stream = SpikeStream(filepath="FOLDER/light.dat", spike_h=250, spike_w=400, print_dat_detail=False)
-    spikes = stream.get_spike_matrix()      # (T, H, W), as below
+from spikecv.spkData.load_dat import data_parameter_dict, SpikeStream
+stream = SpikeStream(filepath="FOLDER/light.dat", spike_h=250, spike_w=400, print_dat_detail=False)
+spikes = stream.get_spike_matrix()      # (T, H, W), as below
 """
 
 from __future__ import annotations

@@ -25,7 +25,15 @@ def test_a_batch_is_its_clips_one_by_one(camera, clips, threads, insertion):
         camera, clips, 3, sequences=sequences, seed=4, camera_seed=2, insertion=insertion, threads=threads
     )
     packed = sl.simulate_batch(
-        camera, clips, 3, sequences=sequences, seed=4, camera_seed=2, insertion=insertion, threads=threads, bits=False
+        camera,
+        clips,
+        3,
+        sequences=sequences,
+        seed=4,
+        camera_seed=2,
+        insertion=insertion,
+        threads=threads,
+        bits=False,
     )
     for i, sequence in enumerate(sequences):
         simulator = sl.Simulator(camera, seed=4, camera_seed=2, sequence=sequence)
@@ -59,19 +67,18 @@ def test_the_callers_buffer_is_filled(camera, clips):
     np.testing.assert_array_equal(out, sl.simulate_batch(camera, clips, sequences=range(6)))
 
 
-def test_progress_counts_clips_and_its_error_stops(camera, clips):
-    for threads in (1, 2):
-        heard: list[tuple[float, float]] = []
-        sl.simulate_batch(
-            camera, clips, sequences=range(6), threads=threads, progress=lambda d, t: heard.append((d, t))
-        )
-        assert heard[-1] == (6, 6)
+@pytest.mark.parametrize("threads", [1, 2])
+def test_progress_counts_clips_and_its_error_stops(camera, clips, threads):
+    heard: list[tuple[float, float]] = []
+    tell = lambda done, total: heard.append((done, total))  # noqa: E731
+    sl.simulate_batch(camera, clips, sequences=range(6), threads=threads, progress=tell)
+    assert heard[-1] == (6, 6)
 
-        def stop(done: float, total: float) -> None:
-            raise LookupError
+    def stop(done: float, total: float) -> None:
+        raise LookupError
 
-        with pytest.raises(LookupError):
-            sl.simulate_batch(camera, clips, sequences=range(6), threads=threads, progress=stop)
+    with pytest.raises(LookupError):
+        sl.simulate_batch(camera, clips, sequences=range(6), threads=threads, progress=stop)
 
 
 @pytest.mark.parametrize("threads", [1, 2])

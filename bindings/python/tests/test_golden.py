@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 
 import numpy as np
@@ -54,7 +55,9 @@ def test_the_program_has_the_golden_digests(golden, program, tmp_path, kind):
     for i, case in enumerate(c for c in golden if c["light"] == kind):
         camera = sl.Camera.from_toml(case["camera"])
         frames, each, how = light(kind, camera.shape)
-        (tmp_path / "camera.toml").write_text(case["camera"])
+        # How a camera takes stored codes as light is the program's business; here the light is linear.
+        camera_file = re.sub(r"\[light\]\n(?:.+\n)*", "", case["camera"])
+        (tmp_path / "camera.toml").write_text(camera_file)
         np.save(tmp_path / "light.npy", frames)
         command = [
             *program,
@@ -67,8 +70,14 @@ def test_the_program_has_the_golden_digests(golden, program, tmp_path, kind):
         ]
         command += ["--camera-seed", "11", "--seed", "22", "--sequence", "33"]
         command += ["--readouts-per-frame", str(each), "--readouts", "200", "--greatest-light", "1.6"]
-        command += ["--insertion", how.get("insertion", "linear"), "--layout", "dat-top", "--transfer", "linear"]
+        command += [
+            "--insertion",
+            how.get("insertion", "linear"),
+            "--layout",
+            "dat-top",
+            "--transfer",
+            "linear",
+        ]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
-        stream = next((tmp_path / f"out{i}").glob("*.dat"))
-        assert fnv(stream.read_bytes()) == case["fnv1a"], case["name"]
+        assert fnv((tmp_path / f"out{i}.dat").read_bytes()) == case["fnv1a"], case["name"]

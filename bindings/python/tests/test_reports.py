@@ -23,7 +23,9 @@ def flat() -> np.ndarray:
 
 def test_measure_says_what_the_program_says(flat, tmp_path, program):
     sl.write_stream(tmp_path / "a.dat", flat, height=24, width=32)
-    done = subprocess.run([*program, "--json", "measure", tmp_path / "a.dat"], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [*program, "--json", "measure", tmp_path / "a.dat"], capture_output=True, text=True, check=True
+    )
     said = json.loads(done.stdout.splitlines()[-1])
     for stream in (tmp_path / "a.dat", sl.open_stream(tmp_path / "a.dat")):
         found = sl.measure(stream)
@@ -92,7 +94,7 @@ def test_bad_sets_are_refused(tmp_path):
         sl.calibrate(tmp_path / "no.toml")
     (tmp_path / "bad.toml").write_text("width = 3")
     for function in (sl.calibrate, sl.diagnose):
-        with pytest.raises(sl.SpikelaneError, match="bad.toml"):
+        with pytest.raises(sl.SpikelaneError, match=r"bad\.toml"):
             function(tmp_path / "bad.toml")
 
 
@@ -128,12 +130,18 @@ def test_a_scene_has_light_and_labels_as_arrays():
         if box.visible:
             rows, cols = np.nonzero(found.instances == box.track_id)
             assert box.visible_pixels == rows.size
-            assert box.visible[0] == pytest.approx(cols.min(), abs=1) and box.visible[3] == pytest.approx(rows.max() + 1, abs=1)
+            assert box.visible[0] == pytest.approx(cols.min(), abs=1) and box.visible[3] == pytest.approx(
+                rows.max() + 1, abs=1
+            )
     again = sl.Scene(7, 40, 64, lighting="noon", duration_s=1.0).render(0.5, threads=2)
     np.testing.assert_array_equal(again.light, found.light)
     clip = scene.clip(0.1, 3, 1000)
     np.testing.assert_array_equal(clip[2], scene.render(0.102).light)
     assert set(np.unique(found.semantic)) <= set(sl.Scene.semantic_names())
-    for wrong in (lambda: scene.render(2.0), lambda: scene.clip(0.9, 300, 1000), lambda: sl.Scene(1, lighting="blue")):
+    for wrong in (
+        lambda: scene.render(2.0),
+        lambda: scene.clip(0.9, 300, 1000),
+        lambda: sl.Scene(1, lighting="blue"),
+    ):
         with pytest.raises(sl.SpikelaneError):
             wrong()

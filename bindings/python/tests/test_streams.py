@@ -71,7 +71,10 @@ def test_dat_is_what_numpy_reads_bottom_row_first(bits, tmp_path):
 
 def test_the_program_reads_what_python_wrote_and_the_other_way(bits, tmp_path, program):
     sl.write_stream(tmp_path / "a.dat", bits)
-    run = lambda *args: subprocess.run([*program, *map(str, args)], capture_output=True, text=True, check=True)  # noqa: E731
+
+    def run(*arguments: object) -> None:
+        subprocess.run([*program, *map(str, arguments)], capture_output=True, text=True, check=True)
+
     run("verify", tmp_path / "a.dat")
     run("convert", tmp_path / "a.dat", "-o", tmp_path / "b.npy", "--layout", "npy-bytes")
     np.testing.assert_array_equal(np.load(tmp_path / "b.npy"), bits)

@@ -158,7 +158,7 @@ class ClipSampler:
         row: int,
         col: int,
     ) -> NDArray[np.uint8]:
-        return _native.simulate_batch(
+        batch = _native.simulate_batch(
             camera,
             [clip],
             self.readouts_per_frame,
@@ -170,9 +170,9 @@ class ClipSampler:
             readouts=self.readouts,
             bits=self.bits,
             greatest_light=self.greatest_light,
-        )[0]
+        )
+        one: NDArray[np.uint8] = batch[0]
+        return one
 
     def __getitem__(self, index: int) -> dict[str, Any]:
         return self.item(index)
-
-

@@ -44,9 +44,13 @@ class Estimate:
 
     @classmethod
     def _of(cls, said: Any) -> Estimate:
-        said = said or {}
-        number = lambda key: float("nan") if said.get(key) is None else float(said[key])  # noqa: E731
-        return cls(number("value"), number("error"))
+        value, error = (_number(said or {}, key) for key in ("value", "error"))
+        return cls(value, error)
+
+
+def _number(said: dict[str, Any], key: str) -> float:
+    found = said.get(key)
+    return float("nan") if found is None else float(found)
 
 
 @dataclass(frozen=True)
@@ -261,9 +265,7 @@ def measure(
         temporal_of_rate=float("nan") if said["temporal_of_rate"] is None else said["temporal_of_rate"],
         interval_variance=estimate(said["interval_variance"]),
         defects=Defects(**{kind: _indices(defects[kind]) for kind in ("dead", "stuck", "hot", "weak")}),
-        statistics=tuple(
-            Statistic(s["key"], s["words"], estimate(s["estimate"])) for s in said["statistics"]
-        ),
+        statistics=tuple(Statistic(s["key"], s["words"], estimate(s["estimate"])) for s in said["statistics"]),
         frame_total_lines=tuple(SpectralLine(**line) for line in said["frame_total_lines"]),
         rate=np.array(said["rate"], dtype=np.float64).reshape(shape),
         pattern=np.array(said["pattern"], dtype=np.float64).reshape(shape),
@@ -314,9 +316,7 @@ def calibrate(
         threshold_noise=estimate(said["sigma_t"]),
         electrons_per_spike=estimate(said["electrons_per_spike"]),
         redraw=said["redraw"],
-        levels=tuple(
-            Lamp(**{**level, "deviation": estimate(level["deviation"])}) for level in said["levels"]
-        ),
+        levels=tuple(Lamp(**{**level, "deviation": estimate(level["deviation"])}) for level in said["levels"]),
         dead=_indices(said["dead"]),
         hot=_indices(said["hot"]),
         misfits=_indices(said["misfits"]),

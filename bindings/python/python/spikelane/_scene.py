@@ -110,9 +110,7 @@ class Scene:
         """Vehicles besides the camera's; instance numbers run from 1 to this."""
         return self._native.vehicles
 
-    def render(
-        self, t: float, *, flow_to: float | None = None, samples: int = 4, threads: int = 1
-    ) -> Rendered:
+    def render(self, t: float, *, flow_to: float | None = None, samples: int = 4, threads: int = 1) -> Rendered:
         """Light and labels at ``t`` seconds, with ``samples`` (4 or 16) colour samples a pixel.
 
         ``flow_to`` is the instant to which the flow goes: one millisecond later unless given (earlier at the end).
@@ -125,9 +123,7 @@ class Scene:
         boxes = tuple(VehicleBox(**box) for box in said.pop("boxes"))
         return Rendered(boxes=boxes, flow=flow, occluded=occluded, flow_to=flow_to, **said)
 
-    def flow(
-        self, t: float, to: float, *, threads: int = 1
-    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    def flow(self, t: float, to: float, *, threads: int = 1) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Where the pixels of instant ``t`` are at instant ``to`` (seconds, earlier or later).
 
         Returns float32 (2, H, W), columns to the right and rows down in pixels, and bool (H, W), hidden then.

@@ -35,6 +35,12 @@ def _tensors(item: dict[str, Any]) -> dict[str, Any]:
     return made
 
 
+def _shared_zero() -> Any:
+    """A number that forked and spawned workers see change."""
+    zero: Any = torch.zeros(1, dtype=torch.int64)
+    return zero.share_memory_()
+
+
 class SpikeClips(Dataset[dict[str, Any]]):
     """A map-style dataset of streams; arguments and items are those of ``spikelane.ClipSampler``, arrays as tensors.
 
@@ -45,7 +51,7 @@ class SpikeClips(Dataset[dict[str, Any]]):
         self, clips: Clips, camera: Camera | CameraDistribution, readouts_per_frame: int = 1, **options: Any
     ) -> None:
         self.sampler = ClipSampler(clips, camera, readouts_per_frame, **options)
-        self._epoch = torch.zeros(1, dtype=torch.int64).share_memory_()
+        self._epoch = _shared_zero()
 
     def set_epoch(self, epoch: int) -> None:
         """Chooses the epoch, 0 at first: call it before each pass, as with torch's DistributedSampler."""
@@ -88,7 +94,7 @@ class SpikeClipStream(IterableDataset[dict[str, Any]]):
         self.shuffle = shuffle
         self.rank = rank
         self.ranks = ranks
-        self._epoch = torch.zeros(1, dtype=torch.int64).share_memory_()
+        self._epoch = _shared_zero()
 
     def set_epoch(self, epoch: int) -> None:
         """Chooses the epoch, 0 at first."""
@@ -107,7 +113,7 @@ class SpikeClipStream(IterableDataset[dict[str, Any]]):
         epoch, order = self.epoch, list(range(len(self.sampler)))
         if self.shuffle:
             order.sort(key=lambda index: _hash(self.sampler.seed, 0x5807, epoch, index))
-        worker = get_worker_info()
+        worker: Any = get_worker_info()  # type: ignore[no-untyped-call, unused-ignore]
         own, workers = (worker.id, worker.num_workers) if worker else (0, 1)
         for index in order[self.rank :: self.ranks][own::workers]:
             yield _tensors(self.sampler.item(index, epoch))
