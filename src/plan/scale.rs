@@ -36,6 +36,8 @@ pub(super) struct Scale {
     pub extra_thresholds: u32,
     /// A bound on stored charge that no pixel reaches, in its own thresholds.
     pub unreached: f64,
+    /// Increments are rounded up: see [`rounds_up`].
+    pub rounds_up: bool,
 }
 
 impl Scale {
@@ -136,7 +138,22 @@ pub(super) fn choose(model: &Model, laws: &[Law], light: f64) -> Result<Scale> {
     // What an increment leaves beyond the threshold that fires, and room for noise.
     let extra = (e.relative_increment.ceil() as u32).saturating_sub(1).max(1) + e.sway.ceil() as u32;
     let extra_thresholds = if storage == Storage::Surplus { extra } else { 0 };
-    Ok(Scale { steps, storage, extra_thresholds, unreached: UNREACHED + e.sway })
+    Ok(Scale {
+        steps,
+        storage,
+        extra_thresholds,
+        unreached: UNREACHED + e.sway,
+        rounds_up: rounds_up(&e, &laws[0]),
+    })
+}
+
+/// Whether increments are rounded up, so that charge which is the threshold exactly reaches it.
+///
+/// A soft reset keeps what it is late by; one that loses charge loses all that came while it was late, so
+/// rounding by 1e-7 could cost a third of the rate. Noise leaves no exact ties. A raised increment raises stored charge
+/// by itself over the lost share, which a small share would make a larger error than the one it mends.
+fn rounds_up(e: &Extremes, law: &Law) -> bool {
+    e.noise == 0.0 && e.shot == 0.0 && e.sway == 0.0 && law.lost_remainder >= 0.5
 }
 
 fn storage(model: &Model, e: &mut Extremes) -> Storage {

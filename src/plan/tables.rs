@@ -13,6 +13,10 @@ pub const FRACTION: f64 = 65_536.0;
 /// The kernels' unit of light is this part of full scale.
 pub const FULL_SCALE: f64 = 255.0;
 
+/// By how much increments that are rounded up are raised: the half ulps of the light as it was stored, its product with 255, the
+/// gain, their product and its sum with the dark current, and a little for the squares of these. `docs/fixed-point.md`, "Ties of the charge".
+pub(super) const RAISED: f64 = 5.0 / 16_777_216.0 + 1e-12;
+
 /// Per-pixel constants in row-major order, padded with pixels that never fire.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tables {
@@ -184,6 +188,13 @@ fn redraw(model: &Model) -> Redraw {
 
 fn tables(laws: &[Rounded<'_>], scale: &Scale) -> Tables {
     let fixed = |f: fn(&Law) -> f64| pad(laws, 0.0, |r| (f(r.law) * r.unit * FRACTION) as f32);
+    let (up, half) = if scale.rounds_up { (RAISED, 0.5) } else { (0.0, 0.0) };
+    let raised = |f: fn(&Law) -> f64| {
+        move |r: &Rounded<'_>| {
+            let exact = f(r.law) * r.unit * FRACTION;
+            exact + exact.abs() * up
+        }
+    };
     let plain = |f: fn(&Law) -> f64| pad(laws, 0.0, |r| f(r.law) as f32);
     let ceiling = |r: &Rounded<'_>| {
         let bound = r.law.ceiling / r.law.threshold;
@@ -192,7 +203,7 @@ fn tables(laws: &[Rounded<'_>], scale: &Scale) -> Tables {
     };
     let padded = laws.len().next_multiple_of(LANES);
     let keys = |count: usize| (0..count as u32).map(hash::key).collect();
-    let gain = fixed(|law| law.gain / FULL_SCALE);
+    let gain = pad(laws, 0.0, |r| raised(|law| law.gain / FULL_SCALE)(r) as f32);
     let whole_gains =
         gain.iter().all(|g| g % FRACTION as f32 == 0.0) && laws.iter().all(|r| r.law.dark == 0.0);
     Tables {
@@ -205,7 +216,7 @@ fn tables(laws: &[Rounded<'_>], scale: &Scale) -> Tables {
             Vec::new()
         },
         gain,
-        dark: fixed(|law| law.dark),
+        dark: pad(laws, 0.0, |r| (raised(|law| law.dark)(r) + half) as f32),
         ceiling: if scale.storage == Storage::Clamped { pad(laws, 0, ceiling) } else { Vec::new() },
         shot: laws.iter().any(|r| r.law.quantum > 0.0).then(|| Shot {
             keys: keys(padded),
