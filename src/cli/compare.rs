@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args as ClapArgs;
 
 use crate::calibrate::RecordingSet;
-use crate::compare::{CameraDistance, MODELS, SceneRow, grey_levels, static_scene};
+use crate::compare::{CameraDistance, MODELS, SceneComparison, SceneRow, grey_levels, static_scene};
 use crate::draws::Seeds;
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
@@ -106,6 +106,21 @@ fn grey(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<Foun
     })
 }
 
+/// Share of outliers and distance in every band of rows.
+fn bands(found: &SceneComparison) -> String {
+    let mut text = format!("\n{:<12}{:>9}", "rows", "measured");
+    found.models.iter().for_each(|m| text += &format!("{:>17}", m.name));
+    for (i, area) in found.areas.iter().enumerate() {
+        let [first, last] = area.rows;
+        text += &format!("\n{:<12}{:>9.1e}", format!("{first} to {last}"), area.outliers);
+        for m in &found.models {
+            text += &format!("{:>10.1e} ({:.2})", m.area_outliers[i], m.area_distances[i]);
+        }
+    }
+    text += "\n(share of outliers, and distance in brackets)\n";
+    text
+}
+
 fn still(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<Found> {
     let found = static_scene(&args.stream.open(&args.measured, out)?, cameras, seeds)?;
     let mut text = format!(
@@ -115,10 +130,11 @@ fn still(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<Fou
     let mut row = |m: &SceneRow| {
         let (near, far) = (m.distance, m.slow_distance);
         text += &format!("{:<14} distance {near:.3}, beyond lag 8 {far:.3}\n", m.name);
-        json!({"name": m.name, "distance": near, "slow_distance": far})
+        json!({"name": m.name, "distance": near, "slow_distance": far, "behind": m.behind, "behind_error": m.behind_error})
     };
     let models: Vec<Value> = found.models.iter().map(&mut row).collect();
-    let summary =
-        json!({"pixels": found.pixels, "mean_rate": found.mean_rate, "floor": found.floor, "models": models});
+    text += &format!("{}\n{}", bands(&found), found.verdict());
+    text.push('\n');
+    let summary = json!({"pixels": found.pixels, "mean_rate": found.mean_rate, "floor": found.floor, "models": models, "verdict": found.verdict()});
     Ok(Found { all: to_value(&found)?, page: found.page()?, summary, text })
 }

@@ -4,11 +4,13 @@
 //! single levels; [`static_scene`] compares temporal noise with one recording of an unknown
 //! static scene.
 
+mod areas;
 mod grey;
 mod grey_page;
 mod scene;
 mod scene_page;
 
+pub use areas::Area;
 pub use grey::{CameraDistance, Floor, GreyComparison, grey_levels};
 pub use scene::{SceneComparison, SceneRow, static_scene};
 

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::areas::{Area, Areas};
 use crate::draws::Seeds;
 use crate::effects::{Camera, Maps};
 use crate::error::{Error, Kind, Result};
@@ -36,6 +37,23 @@ pub struct SceneRow {
     pub distance: f64,
     /// The same over `D(16)`, `D(24)` and `D(32)`.
     pub slow_distance: f64,
+    /// Distance less that of the nearest model, and its standard error over the areas (delete-one jackknife).
+    pub behind: f64,
+    /// See `behind`; NaN, which becomes null, where a distance is infinite.
+    pub behind_error: f64,
+    /// Its share of outliers in every area.
+    pub area_outliers: Vec<f64>,
+    /// Its distance in every area.
+    pub area_distances: Vec<f64>,
+}
+
+impl SceneRow {
+    /// Whether this model is no further from the recording than the nearest one, as far as the areas agree: within two
+    /// standard errors.
+    #[must_use]
+    pub fn is_as_near(&self) -> bool {
+        self.behind <= 2.0 * self.behind_error
+    }
 }
 
 /// Measured recording and models, nearest first.
@@ -51,6 +69,8 @@ pub struct SceneComparison {
     pub floor: f64,
     /// Models by rising distance.
     pub models: Vec<SceneRow>,
+    /// Bands of rows, each with an eighth of the compared pixels.
+    pub areas: Vec<Area>,
     /// Rate of every pixel that was compared, NaN elsewhere, row-major.
     #[serde(skip)]
     pub map: Vec<f64>,
@@ -84,24 +104,24 @@ pub fn static_scene(recording: &Reader, cameras: &[Camera], seeds: Seeds) -> Res
     let rates = measured.counts.as_ref().map(crate::measure::Counts::rate_by_time).unwrap_or_default();
     let mean_rate = pixels.iter().map(|p| rates[*p]).sum::<f64>() / pixels.len() as f64;
     let own = row("measured", &measured, &pixels);
+    let mut areas = Areas::new(&measured, &pixels);
     let mut models = Vec::new();
     for camera in cameras {
         let simulated = simulate(camera, &rates, readouts, recording, &options, seeds)?;
         let mut model = row(&camera.name, &simulated, &pixels);
-        let log = |m: Estimate, r: Estimate| (m.value / r.value).ln().abs();
-        let lag = |i: usize| log(model.lag_variance[i], own.lag_variance[i]);
-        model.terms = [lag(0), lag(1), log(model.outliers, own.outliers)];
+        model.terms = terms(&model, &own);
         model.distance = model.terms.iter().sum();
-        model.slow_distance = lag(2) + lag(3) + lag(4);
+        model.slow_distance = (2..5).map(|i| apart(model.lag_variance[i], own.lag_variance[i])).sum();
+        areas.add(&mut model, &simulated);
         models.push(model);
     }
-    models.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+    let areas = areas.rank(&mut models);
     let relative = |e: &Estimate| if e.value > 0.0 { e.error / e.value } else { 0.0 };
     let floor = relative(&own.lag_variance[0]) + relative(&own.lag_variance[1]) + relative(&own.outliers);
     let mut map = vec![f64::NAN; rates.len()];
     pixels.iter().for_each(|p| map[*p] = rates[*p]);
     let width = recording.geometry().width();
-    Ok(SceneComparison { pixels: pixels.len(), mean_rate, measured: own, floor, models, map, width })
+    Ok(SceneComparison { pixels: pixels.len(), mean_rate, measured: own, floor, models, areas, map, width })
 }
 
 /// Pixels whose surroundings of 11x11 pixels are even (within 6 %), tell intervals, and stay as
@@ -125,7 +145,17 @@ fn static_pixels(statistics: &Statistics) -> Vec<usize> {
     even.into_iter().filter(steady).collect()
 }
 
-fn row(name: &str, statistics: &Statistics, pixels: &[usize]) -> SceneRow {
+fn apart(model: Estimate, own: Estimate) -> f64 {
+    (model.value / own.value).ln().abs()
+}
+
+/// What a distance is the sum of.
+pub(super) fn terms(model: &SceneRow, own: &SceneRow) -> [f64; 3] {
+    let lag = |i: usize| apart(model.lag_variance[i], own.lag_variance[i]);
+    [lag(0), lag(1), apart(model.outliers, own.outliers)]
+}
+
+pub(super) fn row(name: &str, statistics: &Statistics, pixels: &[usize]) -> SceneRow {
     let nothing = Estimate { value: f64::NAN, error: f64::NAN, samples: 0 };
     let intervals = statistics.intervals.as_ref();
     let of = |lag: &u32| intervals.map_or(nothing, |i| i.unbiased_lag_variance(*lag, Some(pixels)));
@@ -136,6 +166,10 @@ fn row(name: &str, statistics: &Statistics, pixels: &[usize]) -> SceneRow {
         terms: [0.0; 3],
         distance: 0.0,
         slow_distance: 0.0,
+        behind: 0.0,
+        behind_error: 0.0,
+        area_outliers: Vec::new(),
+        area_distances: Vec::new(),
     }
 }
 
@@ -152,13 +186,12 @@ fn simulate(
     let mut flat = camera.clone();
     flat.sensor.geometry = geometry;
     flat.maps = Maps::default();
-    for spread in ["capacitor_mismatch", "prnu", "vignetting", "dark_tail", "hot_pixels", "dead_pixels"] {
-        flat = flat.without(spread);
-    }
-    for name in ["bias_voltage", "dark_current"] {
-        if let Some(effect) = flat.effect(name).cloned() {
-            flat = flat.with(effect.with("sigma", 0.0)?);
-        }
+    for effect in camera.effects().iter().filter(|e| e.is_fixed_pattern(&camera.sensor)) {
+        // The means of these two belong to the nominal pixel.
+        flat = match effect.name() {
+            "bias_voltage" | "dark_current" => flat.with(effect.clone().with("sigma", 0.0)?),
+            spread => flat.without(spread),
+        };
     }
     let samples: Vec<f32> = rates.iter().map(|r| flat.operating(*r).light.clamp(0.0, 1.0) as f32).collect();
     // A pixel without a rate stays dark.

@@ -25,6 +25,12 @@ impl SceneComparison {
                 "Ranked by the sum of |ln(model / measured)| over D(1), D(8) and the outliers; the recording's own standard errors make {:.3} of it. The same over D(16), D(24) and D(32) is not ranked by: slow noise shows there, which none of these models has, and a model may come near by fast noise that is too large.",
                 self.floor
             )),
+            Part::text(self.verdict()),
+            Part::heading("Bands of rows"),
+            Part::Table(self.bands()),
+            Part::text(
+                "Share of outliers, and distance in brackets, in bands of rows with an eighth of the compared pixels each. The error of a lead is the delete-one jackknife over them: it holds what rows share, which the errors of the single statistics above do not.",
+            ),
             self.figure()?,
             Part::figure(
                 heat_map(&self.map, self.width, "static areas")?,
@@ -53,6 +59,46 @@ impl SceneComparison {
             let cells =
                 row.terms.iter().chain([&row.distance, &row.slow_distance]).map(|x| format!("{x:.3}"));
             table.row(std::iter::once(row.name.clone()).chain(cells));
+        }
+        table
+    }
+
+    /// A sentence on which models the recording tells from the nearest one.
+    #[must_use]
+    pub fn verdict(&self) -> String {
+        let Some((nearest, others)) = self.models.split_first() else { return String::new() };
+        let of = |name: &str| self.areas.iter().filter(|a| a.nearest == name).count();
+        let lead = |m: &SceneRow| {
+            format!(
+                "{} (behind by {:.2} \u{b1} {:.2}, nearest in {})",
+                m.name,
+                m.behind,
+                m.behind_error,
+                of(&m.name)
+            )
+        };
+        let near: Vec<String> = others.iter().filter(|m| m.is_as_near()).map(lead).collect();
+        let (name, bands, all) = (&nearest.name, of(&nearest.name), self.areas.len());
+        let tells = match near[..] {
+            [] => "the recording tells it from all others".to_owned(),
+            _ => format!("the recording does not tell it from {}", near.join(", ")),
+        };
+        format!("{name} is nearest over all, and in {bands} of {all} bands of rows; {tells}.")
+    }
+
+    fn bands(&self) -> Table {
+        let names = self.models.iter().map(|m| m.name.as_str());
+        let head: Vec<&str> = ["rows", "pixels", "measured"].into_iter().chain(names).collect();
+        let mut table = Table::new(&head);
+        for (i, area) in self.areas.iter().enumerate() {
+            let [first, last] = area.rows;
+            let own =
+                [format!("{first} to {last}"), area.pixels.to_string(), format!("{:.2e}", area.outliers)];
+            let cells = self
+                .models
+                .iter()
+                .map(|m| format!("{:.2e} ({:.2})", m.area_outliers[i], m.area_distances[i]));
+            table.row(own.into_iter().chain(cells));
         }
         table
     }

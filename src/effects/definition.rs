@@ -311,6 +311,12 @@ impl Effect {
         (self.definition.edit)(&self.values, sensor, circuit, &mut pattern);
     }
 
+    /// Whether it makes pixels differ and names no operation at readouts.
+    #[must_use]
+    pub fn is_fixed_pattern(&self, sensor: &Sensor) -> bool {
+        self.definition.typical().ops(sensor).is_empty()
+    }
+
     pub(super) fn ops(&self, sensor: &Sensor) -> Vec<Op> {
         (self.definition.ops)(&self.values, sensor)
     }
