@@ -167,7 +167,6 @@ fn of_odd_streams_every_reader_says_finite_numbers() {
 }
 
 #[test]
-#[ignore = "measure still leaves numbers that are not finite"]
 fn of_odd_streams_measure_says_finite_numbers() {
     of_odd_streams(measurers);
 }

@@ -143,3 +143,16 @@ fn effects_completions_and_manual_pages_come_out() {
     place.good("man --dir pages");
     assert!(place.path("pages/spikelane-simulate.1").exists());
 }
+
+#[test]
+fn inspect_calls_no_pixel_dead_after_ten_readouts() {
+    let place = Place::new();
+    // A spike in twenty readouts: half of the pixels are silent for ten.
+    place.picture("grey.png", 32, 16, 13);
+    place.good(
+        "simulate grey.png --transfer linear --preset physical --width 32 --height 16 --readouts 10 -o a",
+    );
+    let told = place.good("inspect a.dat --json").events().pop().unwrap();
+    assert_eq!(told["dead_pixels"], 0);
+    assert!(told["silent_pixels"].as_u64() > Some(0), "{told}");
+}

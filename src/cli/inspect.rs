@@ -68,8 +68,8 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         "readouts": reader.readouts(), "dropped_bytes": leading + trailing,
         "measured_readouts": [range.start, range.end],
         "mean_rate": measured.mean, "least_pixel_rate": measured.least, "greatest_pixel_rate": measured.greatest,
-        "dead_pixels": measured.dead, "stuck_pixels": measured.stuck, "hot_pixels": measured.hot,
-        "weak_pixels": measured.weak,
+        "silent_pixels": measured.silent, "dead_pixels": measured.dead, "stuck_pixels": measured.stuck,
+        "hot_pixels": measured.hot, "weak_pixels": measured.weak,
         "warnings": reader.warnings().iter().cloned().chain(readings.warning()).collect::<Vec<_>>(),
         "geometry_from": reader.origin().to_string(), "lost_readouts": reader.lost(),
         "readings": listed(&readings).map(|(r, given)| json!({
@@ -90,7 +90,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     let mut text = format!(
         "{}: {} readouts of {}{seconds}; layout {}, {}\n\
          mean rate  {:.5} spikes per readout; pixels from {:.5} to {:.5}\n\
-         pixels     {} dead, {} always firing, {} brighter and {} darker than their neighbours\n",
+         pixels     {} silent ({} of them dead: their neighbours make silence impossible), {} always firing, {} brighter and {} darker than their neighbours\n",
         args.file.display(),
         reader.readouts(),
         reader.geometry(),
@@ -99,6 +99,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         measured.mean,
         measured.least,
         measured.greatest,
+        measured.silent,
         measured.dead,
         measured.stuck,
         measured.hot,
@@ -145,6 +146,7 @@ struct Measured {
     mean: f64,
     least: f64,
     greatest: f64,
+    silent: usize,
     dead: usize,
     stuck: usize,
     hot: usize,
@@ -175,6 +177,7 @@ fn measure(reader: &Reader, range: std::ops::Range<usize>) -> Result<Measured> {
         mean: total as f64 / range.len() as f64 / geometry.pixels() as f64,
         least: of(counts.iter().copied().min().unwrap_or(0)),
         greatest: of(counts.iter().copied().max().unwrap_or(0)),
+        silent: counts.iter().filter(|n| **n == 0).count(),
         dead: defects.dead.len(),
         stuck: defects.stuck.len(),
         hot: defects.hot.len(),

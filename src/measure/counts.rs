@@ -41,6 +41,19 @@ impl Pair {
         !matches!(self, Self::Right | Self::Lower)
     }
 
+    /// The key of its correlation in [`super::list`].
+    #[must_use]
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::Right => "coincidence-right",
+            Self::RightAfter => "coincidence-right-after",
+            Self::RightBefore => "coincidence-right-before",
+            Self::Lower => "coincidence-lower",
+            Self::LowerAfter => "coincidence-lower-after",
+            Self::LowerBefore => "coincidence-lower-before",
+        }
+    }
+
     const fn is_right(self) -> bool {
         matches!(self, Self::Right | Self::RightAfter | Self::RightBefore)
     }
@@ -273,6 +286,12 @@ impl Counts {
     /// neighbouring pairs need not be independent.
     #[must_use]
     pub fn correlation(&self, pair: Pair) -> Estimate {
+        let pairs = self.pairs(pair);
+        tiles_ratio(pairs.len(), self.geometry.width(), 8, |p| pairs[p])
+    }
+
+    /// What each pair adds to [`Self::correlation`] and to what it is a share of; `None` where there is no neighbour.
+    fn pairs(&self, pair: Pair) -> Vec<Option<(f64, f64)>> {
         let width = self.geometry.width();
         let map = self.coincidence(pair);
         let step = if pair.is_right() { 1 } else { width };
@@ -286,6 +305,16 @@ impl Counts {
                 (f64::from(map[p]) / terms - f * g, spread(f) * spread(g))
             })
         };
-        tiles_ratio(rate.len(), width, 8, of_pixel)
+        (0..rate.len()).map(of_pixel).collect()
+    }
+
+    /// What each pair adds to the deviation of [`Self::correlation`], in units of it: the sum over all pairs is 0. NaN
+    /// where there is no neighbour.
+    #[cfg(all(feature = "files", feature = "threads"))]
+    pub(super) fn correlation_map(&self, pair: Pair) -> Vec<f64> {
+        let pairs = self.pairs(pair);
+        let told = pairs.iter().flatten();
+        let (x, y, n) = told.fold((0.0, 0.0, 0.0), |s, v| (s.0 + v.0, s.1 + v.1, s.2 + 1.0));
+        pairs.iter().map(|v| v.map_or(f64::NAN, |(a, b)| (a - x / y * b) / (y / n))).collect()
     }
 }

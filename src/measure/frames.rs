@@ -161,7 +161,8 @@ impl Frames {
     }
 
     /// Unbiased variance of the totals, in spikes squared. Standard error
-    /// `sqrt(2 / (T - 1))` of the value, for normal and independent totals.
+    /// `sqrt(2 / (T - 1))` of the value, for normal and independent totals: those of regular pixels are not, and
+    /// [`super::list`] states the error of correlated ones.
     #[must_use]
     pub fn total_variance(&self) -> Estimate {
         let value = self.sums.covariance(self.readouts);

@@ -21,6 +21,9 @@ const START: usize = 64;
 
 /// Every statistic that can be told of a recording of a static scene, with what was measured.
 ///
+/// Errors of means and shares are the spread of pixels, as if these were independent draws of a population. What a report
+/// states is `Recording::told`, whose errors say which repetition they speak of.
+///
 /// # Errors
 /// As [`summarise`].
 pub fn list(statistics: &Statistics) -> Result<Vec<Named>> {
@@ -58,15 +61,13 @@ fn of_rates(s: &Summary) -> Vec<Named> {
 }
 
 fn coincidence(pair: Pair, estimate: Estimate) -> Named {
-    let (key, words) = match pair {
-        Pair::Right => ("coincidence-right", "correlation of bits with the right neighbour"),
-        Pair::RightAfter => ("coincidence-right-after", "the same, the neighbour one readout later"),
-        Pair::RightBefore => ("coincidence-right-before", "the same, the neighbour one readout earlier"),
-        Pair::Lower => ("coincidence-lower", "correlation of bits with the lower neighbour"),
-        Pair::LowerAfter => ("coincidence-lower-after", "the same, the neighbour one readout later"),
-        Pair::LowerBefore => ("coincidence-lower-before", "the same, the neighbour one readout earlier"),
+    let words = match pair {
+        Pair::Right => "correlation of bits with the right neighbour",
+        Pair::Lower => "correlation of bits with the lower neighbour",
+        Pair::RightAfter | Pair::LowerAfter => "the same, the neighbour one readout later",
+        Pair::RightBefore | Pair::LowerBefore => "the same, the neighbour one readout earlier",
     };
-    named(key, words, estimate)
+    named(pair.key(), words, estimate)
 }
 
 fn of_intervals(intervals: &Intervals) -> Vec<Named> {
@@ -98,7 +99,7 @@ fn of_intervals(intervals: &Intervals) -> Vec<Named> {
 
 fn of_frames(frames: &Frames) -> Vec<Named> {
     let mut all = vec![
-        named("total-variance", "variance of a readout's total (spikes squared)", frames.total_variance()),
+        named("total-variance", "variance of a readout's total (spikes squared)", total_variance(frames)),
         named("row-covariance", "covariance of the halves of a row", frames.row_covariance()),
         named("column-covariance", "covariance of the halves of a column", frames.column_covariance()),
     ];
@@ -108,4 +109,12 @@ fn of_frames(frames: &Frames) -> Vec<Named> {
             .map(|e| named("start-transient", "first 64 readouts over the rest, less 1", e)),
     );
     all
+}
+
+/// With the error of totals that go together, as those of pixels that fire regularly do.
+fn total_variance(frames: &Frames) -> Estimate {
+    let found = frames.total_variance();
+    #[cfg(all(feature = "files", feature = "threads"))]
+    let found = Estimate { error: super::errors::variance_error(&frames.totals), ..found };
+    found
 }

@@ -21,6 +21,8 @@
 
 mod block;
 mod counts;
+#[cfg(all(feature = "files", feature = "threads"))]
+mod errors;
 mod estimate;
 mod frames;
 mod halves;
@@ -29,6 +31,7 @@ mod join;
 mod list;
 mod maps;
 mod newest;
+mod silence;
 #[cfg(feature = "files")]
 mod spectrum;
 #[cfg(all(feature = "files", feature = "threads"))]
@@ -43,14 +46,17 @@ use crate::spikes::{Geometry, Packed};
 use block::Block;
 
 pub use counts::{Counts, NEVER, Pair};
+#[cfg(all(feature = "files", feature = "threads"))]
+pub use errors::{MEANING, Motion, Recorder, Recording, Told};
 pub use estimate::{Estimate, bootstrap, finite, median, median_and_spread, tiled_mean, trimmed_mean};
 pub use frames::{Extreme, Frames};
 pub use intervals::{Deviation, Halves, Intervals, LONGEST_LAG, Lengths, PhaseNoise, PixelIntervals};
 pub use list::{Named, list};
 pub use maps::{
-    Correlations, LineStructure, box_means, high_pass, line_structure, map_correlations, select_rate,
-    select_smooth,
+    Correlations, LineStructure, box_means, high_pass, line_structure, map_correlations,
+    pattern_correlations, select_rate, select_smooth,
 };
+pub use silence::silence_is_impossible;
 #[cfg(feature = "files")]
 pub use spectrum::{Line, Spectrum, frame_total_lines, spectrum};
 #[cfg(all(feature = "files", feature = "threads"))]

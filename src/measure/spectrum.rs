@@ -32,6 +32,33 @@ pub struct Line {
     pub prominence: f64,
 }
 
+/// Harmonics of a pixel's rate that a line may be.
+const HARMONICS: u32 = 16;
+
+impl Line {
+    /// The harmonic of the pixels' own firing rate that this line is, if any: 1 for the rate itself. Pixels of nearly one
+    /// rate that fire in phase, as they do after a common start, make lines that no light made.
+    ///
+    /// A pixel of `rates` takes part if a harmonic of its rate, folded into 0 to 1/2, lies within a bin and a half of the line
+    /// (`resolution` is a bin's width, cycles per readout). Rates spread over everything do that by chance for three bins
+    /// of all: the harmonic must have five times as many, and a fiftieth of the pixels.
+    #[must_use]
+    pub fn harmonic_of(&self, rates: &[f64], resolution: f64) -> Option<u32> {
+        let told = rates.iter().filter(|f| f.is_finite() && **f > 0.0);
+        let all = told.clone().count() as f64;
+        let least = (5.0 * 3.0 * 2.0 * resolution).clamp(0.02, 0.8);
+        let share = |k: u32| {
+            let near = |f: &&f64| {
+                let cycles = f64::from(k) * **f;
+                let folded = (cycles - cycles.round()).abs();
+                (folded - self.frequency).abs() <= 1.5 * resolution
+            };
+            told.clone().filter(near).count() as f64 / all
+        };
+        (1..=HARMONICS).find(|k| all > 0.0 && share(*k) > least)
+    }
+}
+
 /// Power spectrum of `totals` in Hann-windowed segments of `segment` readouts,
 /// overlapping by half, the mean of each taken off.
 ///

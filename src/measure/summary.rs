@@ -3,7 +3,8 @@
 
 use super::estimate::{Estimate, finite, median_and_spread, tiled_mean};
 use super::intervals::PhaseNoise;
-use super::maps::{Correlations, from_local_median, high_pass, line_structure, map_correlations};
+use super::maps::{Correlations, from_local_median, high_pass, line_structure, pattern_correlations};
+use super::silence::dead;
 use super::{Counts, Intervals, Statistics};
 use crate::error::{Error, Kind, Result};
 
@@ -18,7 +19,7 @@ const TILE: usize = 16;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "files", derive(serde::Serialize))]
 pub struct Defects {
-    /// Never fired.
+    /// Never fired where that is impossible for a pixel at half the rate of its neighbours: see [`super::silence_is_impossible`].
     pub dead: Vec<usize>,
     /// Fired at every readout (stuck, or saturated).
     pub stuck: Vec<usize>,
@@ -65,7 +66,7 @@ pub struct Summary {
     pub phase_noise: Option<PhaseNoise>,
     /// Defect pixels.
     pub defects: Defects,
-    /// Neighbour correlations of the high-passed rate.
+    /// Neighbour correlations of the pattern: see [`pattern_correlations`].
     pub correlations: Correlations,
     /// First column, last column, first row, last row: see [`borders`].
     pub borders: [Estimate; 4],
@@ -112,7 +113,7 @@ pub fn summarise(statistics: &Statistics) -> Result<Summary> {
         interval_variance: statistics.intervals.as_ref().map(|i: &Intervals| i.lag_variance(1, None)),
         phase_noise,
         defects,
-        correlations: map_correlations(&rough, width),
+        correlations: pattern_correlations(&rates, width),
         borders: borders(&rates, width),
     })
 }
@@ -132,7 +133,7 @@ fn find_defects(counts: &Counts, rates: &[f64], width: usize) -> Defects {
         let pixels = (0..away.len()).filter(|p| sign * away[*p] > limit);
         pixels.filter(fires).collect()
     };
-    Defects { dead: where_count(0), stuck: where_count(readouts), hot: beyond(1.0), weak: beyond(-1.0) }
+    Defects { dead: dead(counts, width), stuck: where_count(readouts), hot: beyond(1.0), weak: beyond(-1.0) }
 }
 
 /// Mean temporal variance of a rate by time, `f^4 (q + N s) / N^2`; without

@@ -116,6 +116,11 @@ impl Intervals {
         self.pixel_noise(p, shortest)[0]
     }
 
+    /// The map of the growth (`which` 0) or the constant (1) of [`Self::decompose`].
+    pub(in crate::measure) fn noise_map(&self, which: usize) -> Vec<f64> {
+        (0..self.len()).map(|p| self.pixel_noise(p, SHORTEST_FITTED)[which]).collect()
+    }
+
     /// Normal equations of `D(n) = s a_n + q b_n` over the lags of a pixel.
     fn pixel_noise(&self, p: usize, shortest: u32) -> [f64; 2] {
         let (intervals, _) = self.span(p);

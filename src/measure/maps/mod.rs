@@ -1,7 +1,11 @@
 //! Structure of per-pixel maps: lines, neighbours, what is left after the
 //! smooth part. Maps are row-major with rows of `width`; NaN is no value.
 
+mod neighbours;
+
 use std::ops::Range;
+
+pub use neighbours::pattern_correlations;
 
 use super::estimate::{Estimate, median, median_and_spread};
 
@@ -100,8 +104,8 @@ pub struct LineStructure {
 /// Smooth gradients are no pattern: the means are high-passed along the line
 /// (box of 5, scaled as in [`high_pass`]), and `variance = var(means) - v/L` with
 /// `v` the pixel variance of the high-passed map and `L` the length of a line.
-/// Standard error of a variance `sqrt(2/n)` of `var(means)`, halved and
-/// divided by the value for the standard deviation.
+/// Standard error of a variance `sqrt(2.9/n)` of `var(means)`, as the high-pass ties
+/// neighbouring lines, halved and divided by the value for the standard deviation.
 #[must_use]
 pub fn line_structure(map: &[f64], width: usize) -> LineStructure {
     let height = map.len() / width;
@@ -118,18 +122,41 @@ pub fn line_structure(map: &[f64], width: usize) -> LineStructure {
     }
 }
 
-/// Standard deviation of the pattern in the means of lines of `length` pixels.
-fn pattern(means: &[f64], pixel_sd: f64, length: usize) -> Estimate {
+/// What varies in the means of lines.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LineExcess {
+    /// Variance of the high-passed means.
+    pub variance: f64,
+    /// The same without what the pixels' own noise makes; negative by chance.
+    pub excess: f64,
+    /// Lines.
+    pub lines: usize,
+}
+
+/// `var(means) - v / L` of lines of `length` pixels.
+pub(super) fn line_excess(means: &[f64], pixel_sd: f64, length: usize) -> LineExcess {
     // A map one row high: its box is the line of five.
     let rough = high_pass_line(means);
-    let n = rough.len() as f64;
-    let variance = rough.iter().map(|x| x * x).sum::<f64>() / n;
-    let excess = (variance - pixel_sd * pixel_sd / length as f64).max(0.0);
-    let value = excess.sqrt();
+    let variance = rough.iter().map(|x| x * x).sum::<f64>() / rough.len() as f64;
+    LineExcess { variance, excess: variance - pixel_sd * pixel_sd / length as f64, lines: rough.len() }
+}
+
+impl LineExcess {
+    /// Standard error of the variance between sensors. Of `n` independent means it would be `sqrt(2 / n)` of it; the high-pass
+    /// ties neighbours, and the sum of its squared autocorrelations is 1.45.
+    pub(super) fn error(self) -> f64 {
+        self.variance * (2.0 * 1.45 / self.lines as f64).sqrt()
+    }
+}
+
+/// Standard deviation of the pattern in the means of lines of `length` pixels.
+fn pattern(means: &[f64], pixel_sd: f64, length: usize) -> Estimate {
+    let found = line_excess(means, pixel_sd, length);
+    let value = found.excess.max(0.0).sqrt();
     Estimate {
         value,
-        error: if value > 0.0 { (2.0 / n).sqrt() * variance / (2.0 * value) } else { f64::NAN },
-        samples: rough.len(),
+        error: if value > 0.0 { found.error() / (2.0 * value) } else { f64::NAN },
+        samples: found.lines,
     }
 }
 
@@ -153,7 +180,7 @@ pub struct Correlations {
 
 /// Correlations of neighbours in a map: mean product of deviations from the
 /// mean of all, over the variance of all. Standard error `1 / sqrt(pairs)`, that of
-/// white noise (so it tests against 0). A [`high_pass`] map of white noise has about -1/24.
+/// white noise (so it tests against 0). A [`high_pass`] map of white noise has about -1/24: see [`pattern_correlations`].
 #[must_use]
 pub fn map_correlations(map: &[f64], width: usize) -> Correlations {
     let all = Estimate::mean(map.iter().copied());

@@ -1,0 +1,189 @@
+//! What is said of a recording, and how sure it is.
+//!
+//! Two errors, each a standard deviation; twice either covers the truth in 95 of 100 cases (where a spread is known from few
+//! samples it is widened by Student's law). What another recording by the same sensor, of the same scene and length, would
+//! differ by; and what another sensor of the same kind would differ by, its own pattern and noise included.
+//! `docs/measure.md` says how each comes about, `docs/measure-coverage.md` how often they hold.
+
+mod clusters;
+mod motion;
+mod parts;
+mod pattern;
+mod scatter;
+mod totals;
+mod values;
+
+use crate::error::Result;
+use crate::measure::{Estimate, Pair, list, summarise};
+
+use clusters::{NORMAL, clustered, widened};
+pub use motion::Motion;
+pub use parts::{Recorder, Recording};
+use pattern::{KEYS, Pattern, SPREADS, patterns};
+pub(in crate::measure) use totals::variance_error;
+use values::Quantity;
+
+/// What the errors mean, for the head of a report.
+pub const MEANING: &str = "First +-: one standard deviation of what another recording of this sensor, this scene and this \
+length would give (<=: at most). Second +-: of what another sensor of this kind would give; none where that makes no \
+difference. Twice either covers 95 in 100.";
+
+/// One-sided 95 %.
+const BELOW: f64 = 1.645;
+
+/// A statistic of a recording with its errors. What cannot be told is absent.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Told {
+    /// Short name, as in [`list`].
+    pub key: String,
+    /// What it is, with its unit.
+    pub words: String,
+    /// The value; absent where nothing was measured, or it is told by `below`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub value: Option<f64>,
+    /// The value is below this with 95 % confidence, and may be 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub below: Option<f64>,
+    /// Standard deviation between recordings by this sensor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recording_error: Option<f64>,
+    /// Whether that is only known to be no larger: the recording is too short to be compared with itself.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub at_most: bool,
+    /// Standard deviation between sensors of this kind.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sensor_error: Option<f64>,
+    /// Samples (pixels, pairs, rows, readouts) that went in.
+    pub samples: usize,
+}
+
+impl Told {
+    fn new(key: &str, words: &str, value: f64, samples: usize) -> Self {
+        Self {
+            key: key.to_owned(),
+            words: words.to_owned(),
+            value: Some(value).filter(|v| v.is_finite()),
+            below: None,
+            recording_error: None,
+            at_most: false,
+            sensor_error: None,
+            samples,
+        }
+    }
+
+    /// With errors; one that is not finite is left out, and any of a value that is not there.
+    fn with(mut self, recording: f64, sensor: f64) -> Self {
+        let finite = |e: f64| Some(e).filter(|e| e.is_finite() && self.value.is_some());
+        (self.recording_error, self.sensor_error) = (finite(recording), finite(sensor));
+        self
+    }
+}
+
+impl Recording {
+    /// Every statistic that can be told of a recording of a static scene.
+    ///
+    /// # Errors
+    /// As [`summarise`].
+    pub fn told(&self) -> Result<Vec<Told>> {
+        let summary = summarise(&self.statistics)?;
+        let mut rates = self.statistics.counts.as_ref().map(|c| c.rate_by_time()).unwrap_or_default();
+        let d = &summary.defects;
+        for p in [&d.dead, &d.stuck, &d.hot, &d.weak].into_iter().flatten() {
+            rates[*p] = f64::NAN;
+        }
+        let told = rates.iter().filter(|r| r.is_finite()).count();
+        let temporal = summary.temporal_of_rate.powi(2);
+        let noise = self.scatter.sample(Quantity::Signal, told);
+        let width = self.statistics.geometry.width();
+        let found = match told {
+            0..2 => Vec::new(),
+            _ => patterns(&rates, width, if temporal.is_finite() { temporal } else { 0.0 }, &noise),
+        };
+        let quantities = Quantity::all(self.statistics.intervals.as_ref().map_or(&[1], |i| i.lags()));
+        let one = |named: crate::measure::Named| {
+            let (key, words, e) = (named.key.as_str(), named.words.as_str(), named.estimate);
+            if let Some(i) = KEYS.iter().position(|k| *k == key) {
+                let nothing = Pattern { value: f64::NAN, recording: f64::NAN, sensor: f64::NAN };
+                return of_pattern(key, words, i, *found.get(i).unwrap_or(&nothing), e.samples);
+            }
+            match quantities.iter().find(|q| q.key() == key) {
+                Some(quantity) => self.of_pixels(*quantity, words, e, &rates),
+                None => self.of_readouts(key, words, e),
+            }
+        };
+        Ok(list(&self.statistics)?.into_iter().map(one).collect())
+    }
+
+    /// Whether the scene moved between the halves of the recording.
+    #[must_use]
+    pub fn motion(&self) -> Motion {
+        // Noise of a half, at least of the phases: a rate's square over the spikes.
+        let sd = summarise(&self.statistics).map_or(0.0, |s| s.temporal_of_rate);
+        let sd = if sd.is_finite() { 2.0 * sd } else { 0.0 };
+        motion::motion(&self.scatter.rates, self.statistics.geometry.width(), sd)
+    }
+
+    /// A mean or a share over pixels; of the signal only over pixels with `rates`.
+    fn of_pixels(&self, quantity: Quantity, words: &str, e: Estimate, rates: &[f64]) -> Told {
+        let (mut map, _) = quantity.of(&self.statistics, false);
+        if quantity == Quantity::Signal {
+            map.iter_mut().zip(rates).filter(|(_, r)| !r.is_finite()).for_each(|(x, _)| *x = f64::NAN);
+        }
+        let pixels = map.iter().filter(|x| x.is_finite()).count();
+        let told = Told::new(&quantity.key(), words, e.value, pixels);
+        let shares = matches!(quantity, Quantity::OffLattice | Quantity::Short | Quantity::Long);
+        if shares && e.value == 0.0 {
+            return self.never(told);
+        }
+        let sensor = clustered(&map, self.statistics.geometry.width())
+            .map_or(f64::NAN, |c| widened(c.variance.sqrt() / pixels as f64, c.freedom));
+        match self.scatter.error(quantity, pixels) {
+            // Between sensors a statistic scatters by the noise of recordings and by the pattern.
+            Some(recording) => told.with(recording, sensor.max(recording)),
+            None => Told { at_most: true, ..told.with(sensor, sensor) },
+        }
+    }
+
+    /// What was not seen among all intervals: three of them are the limit of 95 % (Poisson).
+    fn never(&self, told: Told) -> Told {
+        let total = self.statistics.intervals.as_ref().map_or(0, |i| i.lengths().total());
+        Told { value: None, below: (total > 0).then(|| (3.0 / total as f64).min(1.0)), ..told }
+    }
+
+    /// What is told by readouts or by pairs of pixels whose phases are drawn anew in every recording.
+    fn of_readouts(&self, key: &str, words: &str, e: Estimate) -> Told {
+        let told = Told::new(key, words, e.value, e.samples);
+        let pair = Pair::ALL.into_iter().find(|p| p.key() == key);
+        if let (Some(pair), Some(counts)) = (pair, &self.statistics.counts) {
+            let map = counts.correlation_map(pair);
+            let n = map.iter().filter(|x| x.is_finite()).count() as f64;
+            let error = clustered(&map, self.statistics.geometry.width())
+                .map_or(f64::NAN, |c| widened(c.variance.sqrt() / n, c.freedom));
+            return told.with(error, f64::NAN);
+        }
+        match key {
+            // Its error was made for the readouts' correlation already.
+            "total-variance" => told.with(e.error, f64::NAN),
+            _ => told.with(widened(e.error, e.samples.saturating_sub(1) as f64), f64::NAN),
+        }
+    }
+}
+
+/// A statistic of the pattern; spreads, which come as squares, may be below what can be told.
+fn of_pattern(key: &str, words: &str, i: usize, found: Pattern, samples: usize) -> Told {
+    if i >= SPREADS {
+        return Told::new(key, words, found.value, samples)
+            .with(found.recording, found.sensor.max(found.recording));
+    }
+    let sensor = found.sensor.hypot(if found.recording.is_finite() { found.recording } else { 0.0 });
+    let told = Told::new(key, words, found.value.max(0.0).sqrt(), samples);
+    if !found.value.is_finite() {
+        return Told { value: None, ..told };
+    }
+    if found.value <= NORMAL * sensor {
+        let below = (found.value.max(0.0) + BELOW * sensor).sqrt();
+        return Told { value: None, below: Some(below).filter(|b| b.is_finite()), ..told };
+    }
+    let slope = 2.0 * found.value.sqrt();
+    told.with(found.recording / slope, sensor / slope)
+}

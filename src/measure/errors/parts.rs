@@ -1,0 +1,161 @@
+//! A recording measured whole, in halves and in quarters.
+//!
+//! Two halves are two recordings by the same sensor: pixel by pixel everything fixed is gone from their difference, and what
+//! is left is what another recording would change. A pixel's phase at the start of the second half is as good as drawn
+//! anew, as rates of different pixels come round to different places.
+
+use rayon::prelude::*;
+
+use super::scatter::Scatter;
+use super::values::Quantity;
+use crate::error::Result;
+use crate::formats::Reader;
+use crate::measure::{Accumulator, Options, Statistics};
+use crate::spikes::{Geometry, Packed};
+
+/// Readouts read at a time.
+const BATCH: usize = 496;
+
+/// A recording, and how its statistics scatter between its parts.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    /// The whole.
+    pub statistics: Statistics,
+    pub(super) scatter: Scatter,
+}
+
+/// Takes the readouts of a recording of known length.
+pub struct Recorder {
+    geometry: Geometry,
+    options: Options,
+    at: usize,
+    quarter: usize,
+    whole: Vec<Accumulator>,
+    half: Vec<Accumulator>,
+    part: Vec<Accumulator>,
+    scatter: Scatter,
+}
+
+impl Recorder {
+    /// A recorder for `readouts` readouts of a sensor, measured as by default.
+    ///
+    /// # Errors
+    /// As [`Accumulator::new`].
+    pub fn new(geometry: Geometry, readouts: usize) -> Result<Self> {
+        let options = Options::default();
+        let (whole, quarter) = (bands(geometry, &options, true)?, readouts / 4);
+        let quantities = Quantity::all(&options.lags);
+        Ok(Self {
+            geometry,
+            at: 0,
+            quarter,
+            whole,
+            half: Vec::new(),
+            part: Vec::new(),
+            scatter: Scatter::new(quantities, geometry),
+            options,
+        })
+    }
+
+    /// Takes the next readouts.
+    ///
+    /// # Errors
+    /// As [`Accumulator::push`].
+    pub fn push(&mut self, frames: Packed<'_>) -> Result<()> {
+        push(&mut self.whole, frames)?;
+        let size = self.geometry.frame_bytes();
+        let mut rest = frames.bytes();
+        while !rest.is_empty() && self.at < 4 * self.quarter {
+            let here = (self.quarter - self.at % self.quarter).min(rest.len() / size);
+            let (now, later) = rest.split_at(here * size);
+            let now = Packed::new(self.geometry, now)?;
+            if self.at.is_multiple_of(self.quarter) {
+                self.part = bands(self.geometry, &self.options, false)?;
+            }
+            if self.at.is_multiple_of(2 * self.quarter) {
+                self.half = bands(self.geometry, &self.options, false)?;
+            }
+            push(&mut self.part, now)?;
+            push(&mut self.half, now)?;
+            self.at += here;
+            rest = later;
+            if self.at.is_multiple_of(self.quarter) {
+                self.scatter.add_quarter(&join(std::mem::take(&mut self.part))?);
+            }
+            if self.at.is_multiple_of(2 * self.quarter) {
+                self.scatter.add_half(&join(std::mem::take(&mut self.half))?);
+            }
+        }
+        Ok(())
+    }
+
+    /// What was recorded.
+    ///
+    /// # Errors
+    /// As [`Statistics::join`].
+    pub fn finish(self) -> Result<Recording> {
+        Ok(Recording { statistics: join(self.whole)?, scatter: self.scatter })
+    }
+}
+
+/// Accumulators side by side.
+fn bands(geometry: Geometry, options: &Options, frames: bool) -> Result<Vec<Accumulator>> {
+    let bands = (2 * rayon::current_num_threads()).clamp(1, geometry.height());
+    // Small sensors are not worth the threads' time.
+    let bands = bands.min((geometry.pixels() / 2048).max(1));
+    let rows = |i: usize| i * geometry.height() / bands..(i + 1) * geometry.height() / bands;
+    let band = |i| {
+        let rows = Some(rows(i));
+        Accumulator::new(geometry, &Options { rows, frames: false, ..options.clone() })
+    };
+    let mut all = (0..bands).map(band).collect::<Result<Vec<_>>>()?;
+    if frames {
+        let whole = Options { counts: false, intervals: false, ..options.clone() };
+        all.push(Accumulator::new(geometry, &whole)?);
+    }
+    Ok(all)
+}
+
+fn push(accumulators: &mut [Accumulator], frames: Packed<'_>) -> Result<()> {
+    match accumulators.len() {
+        0..=2 => accumulators.iter_mut().try_for_each(|a| a.push(frames)),
+        _ => accumulators.par_iter_mut().try_for_each(|a| a.push(frames)),
+    }
+}
+
+fn join(accumulators: Vec<Accumulator>) -> Result<Statistics> {
+    Statistics::join(accumulators.into_iter().map(Accumulator::finish).collect())
+}
+
+impl Recording {
+    /// Measures a whole stream. `tell` hears how many readouts are done.
+    ///
+    /// # Errors
+    /// When the stream cannot be read, or is too long.
+    pub fn of_stream(reader: &Reader, tell: &mut dyn FnMut(usize)) -> Result<Self> {
+        let geometry = reader.geometry();
+        let mut recorder = Recorder::new(geometry, reader.readouts())?;
+        let mut buffer = vec![0; BATCH * geometry.frame_bytes()];
+        let mut at = 0;
+        while at < reader.readouts() {
+            let now = BATCH.min(reader.readouts() - at);
+            let bytes = &mut buffer[..now * geometry.frame_bytes()];
+            reader.read_frames(at, bytes)?;
+            recorder.push(Packed::new(geometry, bytes)?)?;
+            reader.release(at..at + now);
+            at += now;
+            tell(at);
+        }
+        recorder.finish()
+    }
+
+    /// Measures packed readouts in memory.
+    ///
+    /// # Errors
+    /// As [`Accumulator::push`].
+    pub fn of_packed(frames: Packed<'_>) -> Result<Self> {
+        let mut recorder = Recorder::new(frames.geometry(), frames.readouts())?;
+        recorder.push(frames)?;
+        recorder.finish()
+    }
+}
