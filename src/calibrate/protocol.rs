@@ -178,7 +178,7 @@ pub struct Precision {
     pub readouts: u32,
     /// Relative standard error of a pixel's gain `a`.
     pub gain: f64,
-    /// Relative standard error of a pixel's dark rate `d`.
+    /// Relative standard error of a pixel's dark rate `d`; infinite of a camera without dark current.
     pub dark: f64,
 }
 

@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use crate::dataset::{self, Drives, Estimate, Images, Inputs, Options, Progress, Report, Structure, Work};
+use crate::formats::Layout;
 use crate::light::{Fit, Insertion, Transfer};
 use crate::report::with_known;
 use crate::scene::Lighting;
@@ -154,7 +155,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
             out.say(format_args!("warning: {}: {text}", folder.display()));
         }
     }
-    if let Some(caveat) = StreamLayout::Dat.caveat(options.camera.sensor.geometry) {
+    if let Some(caveat) = Layout::Dat.caveat(options.camera.sensor.geometry) {
         out.say(format_args!("note: {caveat}"));
     }
     forecast(&estimate, args.dry_run, out)?;

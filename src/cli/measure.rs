@@ -111,6 +111,9 @@ fn result(summary: &Summary, told: &[Told], motion: Motion, lines: &[Found]) -> 
     Ok(result)
 }
 
+/// How far a line exceeds what is around it: far outside chance ([`crate::measure::Spectrum::lines`]).
+const LINE: f64 = 30.0;
+
 /// A line of the frame totals, and the harmonic of the pixels' rate that it is.
 struct Found {
     line: Line,

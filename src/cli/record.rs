@@ -8,6 +8,7 @@ use crate::calibrate::{Protocol, predict};
 use crate::effects::Camera;
 use crate::error::Result;
 use crate::formats::Layout;
+use crate::report::with_known;
 use serde_json::{Value, json};
 
 use super::camera::CameraArgs;
@@ -90,9 +91,12 @@ fn plan(protocol: &Protocol, camera: &Camera) -> (Vec<Value>, String) {
     let mut text = "readouts a level   gain of a pixel   dark rate of a pixel\n".to_owned();
     let mut rows = Vec::new();
     for p in lengths.into_iter().filter_map(|n| predict(protocol, camera, n)) {
-        let (gain, dark) = (100.0 * p.gain, 100.0 * p.dark);
-        text += &format!("{:>16}   {gain:>13.5} %   {dark:>18.4} %\n", p.readouts);
-        rows.push(json!({"readouts": p.readouts, "gain": p.gain, "dark": p.dark}));
+        // Of a camera without dark current no error is relative.
+        let dark = p.dark.is_finite().then_some(p.dark);
+        let said = dark.map_or("no dark current".to_owned(), |d| format!("{:.4} %", 100.0 * d));
+        text += &format!("{:>16}   {:>13.5} %   {said:>20}\n", p.readouts, 100.0 * p.gain);
+        let row = json!({"readouts": p.readouts, "gain": p.gain});
+        rows.push(with_known(row, [("dark", dark.map(Into::into))]));
     }
     (rows, text)
 }

@@ -7,10 +7,9 @@ use crate::formats::{Layout, Reader};
 use crate::light::Frame;
 use crate::report::with_known;
 use crate::simulate::{
-    Ahead, CameraFacts, FrameRef, Looks, Outcome, Run, Sidecar, StreamFacts, Written, run_looking,
-    save_camera,
+    Ahead, CameraFacts, Looks, Outcome, Run, Sidecar, StreamFacts, Written, run_looking, save_camera,
 };
-use crate::{Backend, Camera, Error, Kind, Plan, Result, Seeds, Simulator, storage};
+use crate::{Backend, Camera, Error, Kind, Plan, Result, Seeds, storage};
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
 

@@ -12,6 +12,7 @@ use crate::dataset::{Drive, Drives, Entry, Inputs, Options, Record, Structure, W
 use crate::error::{Error, Result};
 use crate::formats::Layout;
 use crate::light::{self, Frame, Insertion, Pace, Samples, Source, Timeline};
+use crate::report::with_known;
 use crate::scene::{Scene, SceneOptions};
 use crate::simulate::{CameraFacts, LightFacts, Looks, Outcome, Run, Sidecar, StreamFacts, run_looking};
 
@@ -128,13 +129,17 @@ fn drive(
         "readouts": outcome.readouts, "readouts_per_image": drives.readouts_per_image,
         "image_readouts": "the number in the file's name", "clear_readout": readouts / 2,
         "clear_transfer": "srgb",
-        "ground_truth": truth::facts(options.structure), "images": keeper.facts(),
+        "ground_truth": truth::facts(options.structure),
         "label_readouts": labelled, "max_px_per_readout": plan.max_px_per_readout,
         "key_frames": plan.keys.len(), "too_fast": plan.too_fast(),
         "needed_readout_hz": plan.needed_hz(rate.hz()) as u64,
         "frames_beyond_greatest_light": outcome.too_bright,
     });
-    Ok((about, outcome.readouts))
+    Ok((with_images(about, &keeper), outcome.readouts))
+}
+
+fn with_images(about: Value, keeper: &Keeper) -> Value {
+    with_known(about, [("images", keeper.facts().map(|f| json!(f)))])
 }
 
 fn input(
@@ -171,10 +176,10 @@ fn input(
     let about = json!({
         "kind": "input", "input": name, "frames": outcome.frames, "readouts": outcome.readouts,
         "readouts_per_frame": inputs.readouts_per_frame, "clear_readout": middle, "clear_transfer": "srgb",
-        "ground_truth": truth::facts(options.structure), "light_scale": by, "images": keeper.facts(),
+        "ground_truth": truth::facts(options.structure), "light_scale": by,
         "frames_beyond_greatest_light": outcome.too_bright, "notes": notes,
     });
-    Ok((about, outcome.readouts))
+    Ok((with_images(about, &keeper), outcome.readouts))
 }
 
 /// The exposure of given light; only floats can be brighter than white, and only they are looked at twice.

@@ -128,7 +128,7 @@ impl<'a> Way<'a> {
             frame.checked(geometry).map_err(|e| e.within(format_args!("frame {i}")))
         };
         let frames = frames.iter().enumerate().map(checked).collect::<Result<_>>()?;
-        Ok(Self { frames, timeline: *timeline, geometry, at: 0, motion: None })
+        Ok(Self { frames, timeline: timeline.clone(), geometry, at: 0, motion: None })
     }
 
     fn current(&self) -> Samples<'_> {
