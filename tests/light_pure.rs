@@ -267,3 +267,35 @@ fn a_chart_too_small_is_refused() {
     let error = Chart::new(geometry(15, 16), Rate::new(1, 1).unwrap(), None).unwrap_err();
     assert_eq!(error.kind(), Kind::Usage);
 }
+
+#[test]
+fn frames_come_at_their_times() {
+    let starts = [0, 10_000_000, 30_000_000, 70_000_000];
+    let line = Timeline::times(&starts, "20000".parse().unwrap(), Insertion::Linear).unwrap();
+    // The last frame lasts as long as the one before, and so on.
+    let start = |k: u64| starts.get(k as usize).copied().unwrap_or(70_000_000 + (k.max(3) - 3) * 40_000_000);
+    for readout in 0..5000_u64 {
+        let time = readout * 50_000;
+        let frame = (0..).take_while(|&k| start(k) <= time).last().unwrap();
+        let weight = (time - start(frame)) as f64 / (start(frame + 1) - start(frame)) as f64;
+        let moment = line.at(readout);
+        assert_eq!(moment.frame, frame, "{readout}");
+        assert!((f64::from(moment.weight()) - weight).abs() < 1e-7, "{readout}");
+    }
+    assert_eq!([1, 2, 3, 4].map(|k| line.first_readout(k)), [200, 600, 1400, 2200].map(Some));
+    assert_eq!(line.readouts(4), Some(2200));
+    // At a rate that divides nothing, each frame still begins where the one before ends.
+    let odd = Timeline::times(
+        &[0, 33_366_667, 66_733_333, 166_733_333],
+        "30000/1001".parse().unwrap(),
+        Insertion::Hold,
+    );
+    let odd = odd.unwrap();
+    for frame in 1..9 {
+        let first = odd.first_readout(frame).unwrap();
+        assert!(odd.at(first).frame >= frame && odd.at(first - 1).frame < frame, "{frame}");
+    }
+    for bad in [&[0][..], &[1, 2], &[0, 5, 5]] {
+        assert!(Timeline::times(bad, "20000".parse().unwrap(), Insertion::Hold).is_err());
+    }
+}

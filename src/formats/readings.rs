@@ -168,7 +168,9 @@ impl Reader {
         }
         // Every second row is a neighbour too, and a texture that alternates would look better so.
         let shapes = (2..=pixels / 2).filter(|w| pixels.is_multiple_of(*w) && !w.is_multiple_of(width));
-        for width in shapes.filter(|w| (8..=4096).contains(w) || *w == geometry.height()) {
+        // No sensor is more than eight times as wide as high, or as high as wide.
+        let usual = |w: &usize| w * w <= 8 * pixels && pixels <= 8 * w * w;
+        for width in shapes.filter(|w| usual(w) || *w == geometry.height()) {
             let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
             let Ok(geometry) = Geometry::new(side(width), side(pixels / width)) else { continue };
             let rows = map.correlation(width);

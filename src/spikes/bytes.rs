@@ -66,7 +66,7 @@ pub(crate) fn pack_frame(bits: &[u8], packed: &mut [u8]) -> Result<(), usize> {
     let (mut beyond_one, mut uneven) = (0, 0);
     let mut take = |word: u64| {
         beyond_one |= word & !LOW;
-        uneven |= word ^ (word & LOW) * 0xff;
+        uneven |= word ^ ((word & LOW) * 0xff);
         gather(word)
     };
     for (word, byte) in words.iter().zip(packed.iter_mut()) {

@@ -119,7 +119,7 @@ fn length(name: &str, archive: &mut Archive<Cursor<&[u8]>>) -> Result<u64> {
     archive.entry("length")?.take(1 << 16).read_to_end(&mut bytes).map_err(|e| Error::io(&subject, e))?;
     let (_, values) = crate::npy::read_values(&subject, &bytes)?;
     match values[..] {
-        [n] if n >= 1.0 && n <= 1e12 && n.fract() == 0.0 => Ok(n as u64),
+        [n] if (1.0..=1e12).contains(&n) && n.fract() == 0.0 => Ok(n as u64),
         _ => Err(Error::new(Kind::Input, subject)
             .found(format_args!("{} values", values.len()))
             .expected("one number of readouts, as RSIR has it")),

@@ -68,7 +68,7 @@ impl Map {
         let here =
             |p: usize| whole || self.is_pixel[p % self.stride] && self.is_pixel[(p + lag) % self.stride];
         // An odd step meets all columns.
-        let step = self.counts.len() / MOST_PAIRS | 1;
+        let step = (self.counts.len() / MOST_PAIRS) | 1;
         let pairs = (0..self.counts.len().saturating_sub(lag)).step_by(step);
         self.pearson(pairs.filter(|p| here(*p)).map(|p| (p, p + lag)))
     }
