@@ -6,7 +6,7 @@ use std::io::Read;
 
 use libfuzzer_sys::fuzz_target;
 use spikelane::light::Samples;
-use spikelane::light::npy::Reader;
+use spikelane::light::npy::{Element, Reader};
 
 fuzz_target!(|bytes: &[u8]| {
     let mut input = bytes;
@@ -16,6 +16,8 @@ fuzz_target!(|bytes: &[u8]| {
     let (declared, total) = (reader.frames(), reader.total_bytes());
     let frame_bytes = reader.geometry().pixels() * reader.element().bytes();
     let big = reader.big_endian();
+    // The other elements come as floats, which do not hold all of their values.
+    let exact = matches!(reader.element(), Element::U8 | Element::U16 | Element::F32);
     let mut again = Vec::new();
     let mut frames = 0_u64;
     let whole = loop {
@@ -30,6 +32,9 @@ fuzz_target!(|bytes: &[u8]| {
     };
     assert_eq!(whole, frames == declared);
     assert_eq!(whole, bytes.len() as u64 >= total);
+    if !exact {
+        return;
+    }
     assert_eq!(again.len() as u64, frames * frame_bytes as u64);
     // The frames lie between the header, whose length follows from the total, and what is left.
     if whole {

@@ -46,7 +46,8 @@ fuzz_target!(|data: &[u8]| {
         None => assert_eq!(reader.layout(), Layout::Dat),
     }
     if let Some(readouts) = value["readouts"].as_u64() {
-        assert_eq!(reader.readouts() as u64, readouts);
+        // Fewer are a recording that was cut.
+        assert!(reader.readouts() as u64 <= readouts);
     }
     let facts = json!({
         "width": g.width(), "height": g.height(),

@@ -20,8 +20,8 @@ fuzz_target!(|data: &[u8]| {
     };
     let bytes: Vec<u8> = pattern.iter().copied().cycle().take(length).collect();
     let opened = Reader::from_bytes("fuzz", bytes.clone(), Some(Layout::Rows416), None);
-    let fits = !bytes.is_empty() && bytes.len() % FRAME == 0;
-    assert_eq!(opened.is_ok(), fits);
+    // Containers and other cameras are told from it by rules with tests of their own.
+    assert!(bytes.len() >= FRAME || opened.is_err());
     let reader = match opened {
         Ok(reader) => reader,
         Err(error) => return check_error(&error),

@@ -132,6 +132,12 @@ impl Builder<'_> {
             return Err(found.refusal(&self.name));
         }
         let arrays = wanted.is_none_or(Layout::is_array);
+        if let Some(key) = self.opening.key.as_ref().filter(|_| !source.starts_with(layouts::ARCHIVE_MAGIC)) {
+            return Err(Error::new(Kind::Usage, &self.name)
+                .found(format_args!("the name of an array, '{key}', for what is no archive"))
+                .expected("an .npz")
+                .remedy("leave the name (--key) out"));
+        }
         let mut reader = if arrays && source.starts_with(layouts::ARCHIVE_MAGIC) {
             self.archive(&source)
         } else if wanted.map_or(source.starts_with(npy::MAGIC), Layout::is_array) {
