@@ -64,6 +64,9 @@ fn light(kind: usize, row: usize, col: usize, draws: &mut Draws) -> f64 {
     let of_row = Draws(row as u64 * 7919).next() - 0.5;
     let of_col = Draws(col as u64 * 104_729).next() - 0.5;
     let stripes = |n: usize, period: usize| if n % period < period.div_ceil(2) { 0.1 } else { 0.5 };
+    // Chessboards whose cells are no whole pixels.
+    let cells =
+        |across: f64, down: f64| stripes((col as f64 / across) as usize + (row as f64 / down) as usize, 2);
     match kind {
         0 => 0.2,
         1 => 0.2 * (1.0 + 0.1 * noise),
@@ -85,18 +88,22 @@ fn light(kind: usize, row: usize, col: usize, draws: &mut Draws) -> f64 {
         16 => scene(row, col),
         17 => scene(row, col) * stripes(row, 2),
         18 => 0.6 * (row as f64 / 250.0) + 0.1,
-        _ => 0.25 + 0.5 * (draws.next() - 0.5),
+        19 => 0.25 + 0.5 * (draws.next() - 0.5),
+        20 => cells(6.25, 2.5),
+        21 => cells(3.25, 2.5) + 0.1 * noise,
+        22 => cells(8.0, 6.0),
+        _ => cells(5.0, 1.5),
     }
 }
 
 #[test]
-fn no_right_reading_of_200_is_accused() {
+fn no_right_reading_of_360_is_accused() {
     let layouts =
         [Layout::Dat, Layout::DatTop, Layout::DatMsb, Layout::NpyBits, Layout::NpyBytes, Layout::NpyBitsMsb];
-    let sizes = [(64, 48), (48, 64), (100, 60), (61, 45), (32, 32), (400, 250)];
-    for case in 0..240 {
-        let kind = case % 20;
-        let (w, h) = sizes[(case / 20 + kind) % if kind % 3 == 0 { 6 } else { 5 }];
+    let sizes = [(64, 48), (48, 64), (104, 60), (61, 45), (200, 40), (128, 96), (100, 60), (400, 250)];
+    for case in 0..360 {
+        let kind = case % 24;
+        let (w, h) = sizes[(case / 24 + kind) % if kind % 5 == 0 { 8 } else { 7 }];
         let g = geometry(w, h);
         let readouts = [1, 2, 5, 10, 20, 100][(case / 3) % 6];
         let packed = fire(g, readouts, case as u64, |r, c, d| light(kind, r, c, d));

@@ -54,15 +54,16 @@ fn every_command_that_opens_a_stream_warns_of_exchanged_sides() {
 fn a_set_with_a_cut_recording_says_so() {
     let place = Place::new();
     place.picture("dark.png", 32, 24, 0);
-    place.good("simulate dark.png --width 32 --height 24 --readouts 100 -o dark");
-    let whole = place.read("dark.dat");
+    place.good("simulate dark.png --width 32 --height 24 --readouts 100 -o run");
+    let whole = place.read("run.dat");
     place.write("dark.dat", &whole[..whole.len() - 10]);
     place.write(
         "set.toml",
         "width = 32\nheight = 24\nreadout_hz = 20000\n[[recording]]\nfile = \"dark.dat\"\nlight = 0.0\n",
     );
     // One level is not enough for a camera, but what is wrong with the file is said first.
-    for command in ["calibrate set.toml -o out", "compare set.toml ideal -o out", "diagnose set.toml -o out"] {
+    for command in ["calibrate set.toml -o out", "compare set.toml ideal -o out", "diagnose set.toml -o out"]
+    {
         let ran = place.run(command);
         assert!(ran.stderr.contains("stops inside readout 99"), "{command}: {}", ran.stderr);
     }

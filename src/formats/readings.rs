@@ -22,6 +22,9 @@ const READOUTS: usize = 64;
 /// A correlation below this is no sign of a picture.
 const LEAST: f64 = 0.2;
 
+/// A correlation below this is one of rows that alternate, which noise never has.
+const OPPOSITE: f64 = -0.6;
+
 /// Standard errors of a correlation of chance that one has to exceed.
 const BEYOND_CHANCE: f64 = 6.0;
 
@@ -63,7 +66,10 @@ impl Reading {
     fn is_beaten_by(&self, map: &Map, width: usize, rows: Option<f64>) -> bool {
         let chance = BEYOND_CHANCE / (map.pixels() as f64).sqrt();
         rows.is_some_and(|c| {
-            c >= LEAST && c > chance && self.rows.unwrap_or(0.0) < c / 2.0 && map.is_peak(width, c)
+            let here = self.rows.unwrap_or(0.0);
+            // Rows that are the opposite of each other are a texture.
+            let fits_worse = here < c / 2.0 && here > OPPOSITE;
+            c >= LEAST && c > chance && fits_worse && map.is_peak(width, c)
         })
     }
 }

@@ -3,14 +3,17 @@
 mod array;
 mod bits;
 mod dat;
+mod meaning;
 mod npy;
 mod npz;
 mod rows1024;
 mod rows416;
 
-pub(super) use array::{Axes, Packing, is_mapped, pack};
+use array::is_mapped;
+pub(super) use array::{Axes, Packing, pack};
 pub(super) use bits::copy_bits;
 pub(super) use dat::{copy, flip};
+pub(super) use meaning::{Meaning, array_meaning};
 pub(super) use npy::{Array, bits_frame, decode_bits, encode_bits, header, meaning, other_geometry, parse};
 pub(super) use npz::{Entry, MAGIC as ARCHIVE_MAGIC, read as read_archive};
 pub(super) use rows416::{FRAME as ROWS416_FRAME, decode as decode_rows416, encode as encode_rows416};

@@ -96,18 +96,18 @@ impl Map {
         (n > 1 && vx > 0.0 && vy > 0.0).then(|| moment(xy, x, y) / (vx * vy).sqrt())
     }
 
-    /// Whether `c`, the correlation at `width`, stands above those of widths around it: a texture or the noise of
-    /// rows correlates with everything in its row.
+    /// Whether `c`, the correlation at `width`, is the greatest nearby and stands above those of all widths up to nearly
+    /// twice it: a texture or the noise of rows correlates at other distances as well.
     pub(super) fn is_peak(&self, width: usize, c: f64) -> bool {
         let chance = 2.0 / (self.counts.len() as f64).sqrt();
-        let (near, far) = ((width / 8).max(2), (width / 3).max(4));
-        // Neighbouring offsets, which differ in parity and phase of a texture, and others up to the farthest.
-        let spread = (near..=far).step_by(((far - near) / 12).max(1));
-        let offsets = (near..(near + 8).min(far + 1)).chain(spread);
-        offsets
-            .flat_map(|d| [width.checked_sub(d), Some(width + d)])
-            .flatten()
-            .all(|lag| self.correlation(lag).is_none_or(|side| c > 1.1 * side + chance))
+        let near = (width / 8).max(3);
+        let at = |d: usize| [width.checked_sub(d), Some(width + d)].into_iter().flatten();
+        // Slanted edges move the peak by a pixel or two.
+        let highest =
+            (3..near).flat_map(at).all(|lag| self.correlation(lag).is_none_or(|side| side <= c + chance));
+        let far = near..=width - near;
+        highest
+            && far.flat_map(at).all(|lag| self.correlation(lag).is_none_or(|side| c > 1.1 * side + chance))
     }
 
     /// How much pixels differ across the edges of bytes, and inside them.
