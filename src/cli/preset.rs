@@ -53,6 +53,13 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     }
 }
 
+/// Which of them; `docs/presets.md` says why.
+const TAKE: &str = "\
+To stand in for a real camera take physical, or vidar-measured for one with the maps of the 400x250 camera.
+The others reproduce a published model or a program, for comparison with its results (docs/presets.md).
+
+";
+
 fn list(out: &Out) -> Result<()> {
     for preset in presets::ALL {
         let camera = presets::builtin(preset.name)?;
@@ -62,6 +69,9 @@ fn list(out: &Out) -> Result<()> {
             &json!({"preset": preset.name, "source": source, "effects": names}),
             &format!("{:14} {source}\n", preset.name),
         )?;
+    }
+    if !out.json() {
+        out.result(&json!(null), TAKE)?;
     }
     for format in presets::FORMATS {
         let (width, height) = format.size;
