@@ -115,6 +115,10 @@ fn of_frames(frames: &Frames) -> Vec<Named> {
 fn total_variance(frames: &Frames) -> Estimate {
     let found = frames.total_variance();
     #[cfg(all(feature = "files", feature = "threads"))]
-    let found = Estimate { error: super::errors::variance_error(&frames.totals), ..found };
+    let found = {
+        // Of a longer stream only the first totals are kept.
+        let kept = frames.totals.len() as f64 / f64::from(frames.readouts().max(1));
+        Estimate { error: super::errors::variance_error(&frames.totals) * kept.sqrt(), ..found }
+    };
     found
 }

@@ -14,7 +14,7 @@ mod totals;
 mod values;
 
 use crate::error::Result;
-use crate::measure::{Estimate, Pair, list, summarise};
+use crate::measure::{Estimate, Named, Pair, list, summarise};
 
 use clusters::{NORMAL, clustered, widened};
 pub use motion::Motion;
@@ -100,11 +100,13 @@ impl Recording {
             _ => patterns(&rates, width, if temporal.is_finite() { temporal } else { 0.0 }, &noise),
         };
         let quantities = Quantity::all(self.statistics.intervals.as_ref().map_or(&[1], |i| i.lags()));
-        let one = |named: crate::measure::Named| {
+        let one = |named: Named| {
             let (key, words, e) = (named.key.as_str(), named.words.as_str(), named.estimate);
             if let Some(i) = KEYS.iter().position(|k| *k == key) {
                 let nothing = Pattern { value: f64::NAN, recording: f64::NAN, sensor: f64::NAN };
-                return of_pattern(key, words, i, *found.get(i).unwrap_or(&nothing), e.samples);
+                // Noise is taken off a spread; how much of it is known as well as so many samples tell.
+                let least = temporal * (2.0 / e.samples.max(1) as f64).sqrt();
+                return of_pattern(named.clone(), i, *found.get(i).unwrap_or(&nothing), least);
             }
             match quantities.iter().find(|q| q.key() == key) {
                 Some(quantity) => self.of_pixels(*quantity, words, e, &rates),
@@ -117,9 +119,10 @@ impl Recording {
     /// Whether the scene moved between the halves of the recording.
     #[must_use]
     pub fn motion(&self) -> Motion {
-        // Noise of a half, at least of the phases: a rate's square over the spikes.
-        let sd = summarise(&self.statistics).map_or(0.0, |s| s.temporal_of_rate);
-        let sd = if sd.is_finite() { 2.0 * sd } else { 0.0 };
+        // A rate over n readouts is known to f sqrt(1/6) / n, and there are two of them.
+        let rate = self.statistics.counts.as_ref().map_or(0.0, |c| values::mean(&c.rate()));
+        let half = f64::from(self.statistics.readouts / 4 * 2).max(1.0);
+        let sd = rate / half / 3.0_f64.sqrt();
         motion::motion(&self.scatter.rates, self.statistics.geometry.width(), sd)
     }
 
@@ -137,11 +140,26 @@ impl Recording {
         }
         let sensor = clustered(&map, self.statistics.geometry.width())
             .map_or(f64::NAN, |c| widened(c.variance.sqrt() / pixels as f64, c.freedom));
-        match self.scatter.error(quantity, pixels) {
+        let recording = match quantity {
+            Quantity::MeanRate => self.of_counts(pixels, e.value),
+            _ => self.scatter.error(quantity, pixels),
+        };
+        match recording {
             // Between sensors a statistic scatters by the noise of recordings and by the pattern.
             Some(recording) => told.with(recording, sensor.max(recording)),
             None => Told { at_most: true, ..told.with(sensor, sensor) },
         }
+    }
+
+    /// Error of the mean rate by counts: that of the rate by time, and what a count cuts off at both ends.
+    ///
+    /// A regular pixel's count scatters by the fraction of a spike at either end, `1/6` together, of which the time-based rate
+    /// `f` has only `f^2 / 6`. Halves cannot tell it: the cut between them adds to one what it takes from the other.
+    fn of_counts(&self, pixels: usize, rate: f64) -> Option<f64> {
+        let timed = self.scatter.error(Quantity::Signal, pixels)?;
+        let readouts = f64::from(self.statistics.readouts);
+        let ends = (1.0 - rate * rate).max(0.0) / (6.0 * readouts * readouts * pixels as f64);
+        Some(timed.hypot(ends.sqrt()))
     }
 
     /// What was not seen among all intervals: three of them are the limit of 95 % (Poisson).
@@ -169,20 +187,22 @@ impl Recording {
     }
 }
 
-/// A statistic of the pattern; spreads, which come as squares, may be below what can be told.
-fn of_pattern(key: &str, words: &str, i: usize, found: Pattern, samples: usize) -> Told {
+/// A statistic of the pattern; spreads, which come as squares known to `least` at best, may be below what can be told.
+fn of_pattern(named: Named, i: usize, found: Pattern, least: f64) -> Told {
+    let (key, words, samples) = (named.key.as_str(), named.words.as_str(), named.estimate.samples);
     if i >= SPREADS {
-        return Told::new(key, words, found.value, samples)
-            .with(found.recording, found.sensor.max(found.recording));
+        let told = Told::new(key, words, found.value, samples);
+        return told.with(found.recording, found.sensor.max(found.recording));
     }
-    let sensor = found.sensor.hypot(if found.recording.is_finite() { found.recording } else { 0.0 });
     let told = Told::new(key, words, found.value.max(0.0).sqrt(), samples);
-    if !found.value.is_finite() {
+    if !found.value.is_finite() || !found.sensor.is_finite() {
         return Told { value: None, ..told };
     }
+    let also = |e: f64| if e.is_finite() { e } else { 0.0 };
+    let sensor = found.sensor.hypot(also(found.recording)).hypot(also(least));
     if found.value <= NORMAL * sensor {
         let below = (found.value.max(0.0) + BELOW * sensor).sqrt();
-        return Told { value: None, below: Some(below).filter(|b| b.is_finite()), ..told };
+        return Told { value: None, below: Some(below).filter(|b| *b > 0.0), ..told };
     }
     let slope = 2.0 * found.value.sqrt();
     told.with(found.recording / slope, sensor / slope)

@@ -1,7 +1,7 @@
 //! Whether the scene moved.
 
 use crate::measure::estimate::median_and_spread;
-use crate::measure::{finite, map_correlations};
+use crate::measure::{finite, map_correlations, median};
 
 /// Pixels of a rate class.
 const CLASS: usize = 64;
@@ -24,27 +24,33 @@ pub struct Motion {
     pub share: f64,
 }
 
-/// Compares the rates of two halves, `sd` the deviation that noise makes of a pixel's rate over a half.
+/// Compares the rates of two halves. `sd` is the least deviation of their difference in one pixel, that of regular pixels'
+/// phases: what noise adds cannot be told from motion by its intervals.
 ///
-/// What all pixels of one rate do alike is no motion: flicker, a lamp or a gain that drifts, warmth. So pixels are taken by
+/// What all pixels of one rate do alike is no motion: flicker, a lamp or a gain that drifts, warmth. So the common factor is
+/// taken off, pixels are taken by
 /// classes of equal rate, and the class's median change is taken off. What is left scatters as single pixels do, which the
 /// differences of neighbours tell too, and they see little of what moves. Changed are pixels beyond five such deviations,
 /// and a scene moves where eight or more that changed one way lie side by side (a pixel that blinks is alone), in a thousandth
-/// of the sensor; or where the changes of neighbours go together in both directions and are twice what noise makes.
+/// of the sensor; or where the changes of neighbours go together in both directions and are twice what phases make.
 pub(super) fn motion(rates: &[Vec<f64>], width: usize, sd: f64) -> Motion {
     let [first, second] = rates else { return Motion { moves: false, share: 0.0 } };
     let told = |p: &usize| first[*p].is_finite() && second[*p].is_finite();
     let mut order: Vec<usize> = (0..first.len()).filter(told).collect();
     order.sort_by(|a, b| (first[*a] + second[*a]).total_cmp(&(first[*b] + second[*b])));
+    // A lamp or a gain that drifts changes all rates by one factor, within a class too.
+    let mut factors: Vec<f64> = order.iter().map(|p| second[*p] / first[*p]).collect();
+    let factor = median(&mut factors);
+    let difference = |p: usize| second[p] / factor - first[p];
     let mut change = vec![f64::NAN; first.len()];
     let mut scaled = change.clone();
     let classes = (order.len() / CLASS).clamp(1, 64);
     let mut wide = Vec::new();
     for k in 0..classes {
         let class = &order[k * order.len() / classes..(k + 1) * order.len() / classes];
-        let mut own: Vec<f64> = class.iter().map(|p| second[*p] - first[*p]).collect();
+        let mut own: Vec<f64> = class.iter().map(|p| difference(*p)).collect();
         let (centre, spread) = median_and_spread(&mut own);
-        class.iter().for_each(|p| change[*p] = second[*p] - first[*p] - centre);
+        class.iter().for_each(|p| change[*p] = difference(*p) - centre);
         wide.push((class, spread));
     }
     let deviations: Vec<f64> = wide.iter().map(|c| c.1).collect();
