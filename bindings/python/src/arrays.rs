@@ -249,6 +249,9 @@ pub fn bytes<'py>(array: &Bound<'py, PyAny>, name: &str) -> PyResult<numpy::PyRe
         .map_err(|e| usage(name, e, "an array that nothing writes into", "wait, or give a copy"))
 }
 
+/// Bytes that are surely there; asking NumPy by name takes longer than a small push.
+const SMALL: usize = 1 << 20;
+
 /// Zeros of uint8 in this shape.
 pub fn zeros<'py>(py: Python<'py>, shape: &[usize]) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
     let bytes = shape.iter().try_fold(1usize, |a, b| a.checked_mul(*b));
@@ -259,6 +262,9 @@ pub fn zeros<'py>(py: Python<'py>, shape: &[usize]) -> PyResult<Bound<'py, PyArr
             "an array that fits the memory",
             "push fewer readouts at a time",
         ));
+    }
+    if bytes.is_some_and(|n| n < SMALL) {
+        return Ok(PyArrayDyn::zeros(py, shape.to_vec(), false));
     }
     // NumPy's own zeros raise MemoryError where there is too little.
     let made = py.import("numpy")?.call_method1("zeros", (shape.to_vec(), "uint8"))?;

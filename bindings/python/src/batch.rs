@@ -51,7 +51,8 @@ struct Common {
 /// Without `windows` the camera has the clips' H x W pixels. With `windows`, (row, col) for each clip, a clip is seen by
 /// that part of a larger camera, with the fixed pattern of that place (`Camera.window`).
 ///
-/// `out` receives the spikes, if given. `progress(done, total)` hears about clips. Ctrl-C stops the batch.
+/// `out` receives the spikes, if given. `progress(done, total)` hears about clips; True shows a bar
+/// where tqdm is installed. Ctrl-C stops the batch.
 ///
 /// Raises as `Simulator.push`; errors name the clip.
 #[pyfunction]
@@ -140,7 +141,7 @@ pub fn simulate_batch<'py>(
         })
         .collect();
     let common = Common { geometry, timeline, greatest_light, bits };
-    let mut watch = Watch::new(progress);
+    let mut watch = Watch::new(py, progress, "clips")?;
     let threads = threads.min(lights.len());
     let result = py.detach(|| run(&items, common, threads, &mut watch));
     drop(items);

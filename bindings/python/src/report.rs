@@ -77,7 +77,7 @@ pub fn measure(
             Reader::from_bytes("packed spikes", bytes, Some(Layout::DatTop), Some(geometry(height, width)?));
         std::sync::Arc::new(crate::error::Raise::or_raise(reader)?)
     };
-    stoppable(py, Watch::new(progress), |tell| {
+    stoppable(py, Watch::new(py, progress, "share")?, |tell| {
         let all = reader.readouts().max(1) as f64;
         let statistics = of_stream(&reader, &Options::default(), &mut |done| tell(done as f64 / all))?;
         let mut result = value(&summarise(&statistics)?)?;
@@ -109,7 +109,7 @@ pub fn calibrate(
     force: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Camera)> {
-    let (text, camera) = stoppable(py, Watch::new(progress), |tell| {
+    let (text, camera) = stoppable(py, Watch::new(py, progress, "share")?, |tell| {
         if let Some(folder) = &out {
             let names = ["camera.toml", "calibration.json", "report.html"];
             spikelane::storage::refuse_existing(folder, &names, force)?;
@@ -146,7 +146,7 @@ pub fn diagnose(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Camera)> {
     let camera = camera.map(Camera::camera);
-    let (text, found) = stoppable(py, Watch::new(progress), |tell| {
+    let (text, found) = stoppable(py, Watch::new(py, progress, "share")?, |tell| {
         if let Some(folder) = &out {
             let names = ["diagnosis.json", "report.html", "camera.toml"];
             spikelane::storage::refuse_existing(folder, &names, force)?;

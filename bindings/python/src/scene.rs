@@ -165,7 +165,7 @@ impl Scene {
             ));
         }
         let samples = if samples == 16 { Samples::Sixteen } else { Samples::Four };
-        let mut watch = Watch::new(progress);
+        let mut watch = Watch::new(py, progress, "frames")?;
         let white = self.0.white_cd_m2();
         let (mut light, mut size) = (Vec::new(), (0, 0));
         let result = py.detach(|| -> spikelane::Result<()> {

@@ -88,7 +88,8 @@ impl Simulator {
     /// motion ("flow"); the last frame stays. To go on with the next frames, begin them with the last of these.
     ///
     /// Bit p % 8 of byte p // 8 is pixel p = row * W + col, least significant first. `out` receives the spikes, if
-    /// given: uint8, C-contiguous, of that shape. `progress(done, total)` hears about readouts.
+    /// given: uint8, C-contiguous, of that shape. `progress(done, total)` hears about readouts; True
+    /// shows a bar where tqdm is installed.
     ///
     /// Frames in one block are read in place; views with gaps are copied. Ctrl-C ends the call between two
     /// readouts, and those done stay done.
@@ -112,7 +113,7 @@ impl Simulator {
         let mut target = out.clone().try_readwrite().map_err(|e| busy(&e))?;
         let bytes = target.as_slice_mut().map_err(|e| busy(&e))?;
         let total = bytes.len() / frame.max(1);
-        let mut watch = Watch::new(progress);
+        let mut watch = Watch::new(py, progress, "readouts")?;
         let rows = light.rows();
         let (geometry, inner) = (inner.simulator.plan().geometry(), &mut *inner);
         let frames = rows.frames(geometry);
@@ -145,7 +146,7 @@ impl Simulator {
         let mut target = out.clone().try_readwrite().map_err(|e| busy(&e))?;
         let bits = target.as_slice_mut().map_err(|e| busy(&e))?;
         let total = bits.len() / geometry.pixels();
-        let mut watch = Watch::new(progress);
+        let mut watch = Watch::new(py, progress, "readouts")?;
         let rows = light.rows();
         let frames = rows.frames(geometry);
         let inner = &mut *inner;

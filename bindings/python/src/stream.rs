@@ -221,7 +221,7 @@ pub fn write_stream(
     let from = packed.as_slice()?;
     let readouts = (from.len() / geometry.frame_bytes()) as u64;
     let beside = path.with_extension("json");
-    let mut watch = Watch::new(progress);
+    let mut watch = Watch::new(py, progress, "readouts")?;
     let result = py.detach(|| -> spikelane::Result<String> {
         if sidecar && !force && beside.exists() {
             return Err(spikelane::Error::new(spikelane::Kind::Exists, beside.display())

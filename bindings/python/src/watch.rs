@@ -3,7 +3,10 @@
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
+use pyo3::types::PyBool;
 use spikelane::{Error, Kind};
+
+use crate::error::wrong_type;
 
 /// Between two looks at signals, and two reports of progress.
 const PERIOD: Duration = Duration::from_millis(50);
@@ -17,9 +20,25 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Reports to `progress(done, total)`, if there is one.
-    pub fn new(progress: Option<Py<PyAny>>) -> Self {
-        Self { progress, looked: Instant::now(), raised: None }
+    /// Reports to `progress(done, total)`, if there is one; to a bar of `unit` for True.
+    pub fn new(py: Python<'_>, progress: Option<Py<PyAny>>, unit: &str) -> PyResult<Self> {
+        let progress = match progress {
+            Some(asked) if asked.bind(py).is_instance_of::<PyBool>() => {
+                let bar = py.import("spikelane._progress")?.getattr("native_bar")?;
+                bar.call1((asked, unit))?.extract()?
+            }
+            Some(other) if !other.bind(py).is_callable() => {
+                let found = other.bind(py).get_type();
+                return Err(wrong_type(
+                    "progress",
+                    found,
+                    "a function (done, total), or True",
+                    "leave it out",
+                ));
+            }
+            other => other,
+        };
+        Ok(Self { progress, looked: Instant::now(), raised: None })
     }
 
     /// Looks at signals and reports, if it is time; an error ends the work.

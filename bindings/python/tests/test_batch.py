@@ -92,6 +92,17 @@ def test_ctrl_c_stops_a_batch(camera, clips, threads):
     timer.join()
 
 
+def test_progress_is_a_bar_where_tqdm_is_installed(camera, clips, capsys):
+    tqdm = pytest.importorskip("tqdm")
+    assert tqdm
+    sl.simulate_batch(camera, clips, sequences=range(6), progress=True)
+    assert "6.0/6.0" in capsys.readouterr().err
+    sl.simulate_batch(camera, clips, sequences=range(6), progress=False)
+    assert capsys.readouterr().err == ""
+    with pytest.raises(sl.SpikelaneTypeError, match="progress"):
+        sl.simulate_batch(camera, clips, sequences=range(6), progress=3)
+
+
 def test_light_at_a_readout_is_what_the_sensor_sees(clip):
     at = [0, 3, 4, 9, 16, 19]
     found = sl.light_at(clip, at, 4)

@@ -36,7 +36,7 @@ __all__ = [
 _Light: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32] | NDArray[Any]
 _Bytes: TypeAlias = NDArray[np.uint8]
 _Path: TypeAlias = str | PathLike[str]
-_Progress: TypeAlias = Callable[[float, float], object] | None
+_Progress: TypeAlias = Callable[[float, float], object] | bool | None
 
 @final
 class Camera:
@@ -209,7 +209,7 @@ class Scene:
         *,
         samples: int = 4,
         threads: int = 1,
-        progress: object = None,
+        progress: _Progress = None,
     ) -> NDArray[np.float32]: ...
     @staticmethod
     def semantic_names() -> dict[int, str]: ...

@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 Callback = Callable[[float, float], object]
 
 
-@contextmanager
-def bar(progress: Callback | bool | None, unit: str) -> Iterator[Callback | None]:
-    """What the library calls with (done, total): `progress` itself, or tqdm's bar for True.
+def native_bar(wanted: bool, unit: str) -> Callback | None:
+    """What the native half calls with (done, total) for `progress=True`: tqdm's bar, closed at the end.
 
-    Without tqdm True shows nothing: a bar is a convenience, and no reason to fail.
+    Without tqdm it is None: a bar is a convenience, and no reason to fail.
     """
-    if progress is None or progress is False:
-        yield None
-        return
-    if progress is not True:
-        yield progress
-        return
+    if not wanted:
+        return None
     try:
         from tqdm.auto import tqdm
     except ImportError:
-        yield None
-        return
-    with tqdm(unit=unit) as shown:
+        return None
+    shown = tqdm(unit=unit)
 
-        def tell(done: float, total: float) -> None:
-            shown.total = total
-            shown.update(done - shown.n)
+    def tell(done: float, total: float) -> None:
+        shown.total = total
+        shown.update(done - shown.n)
+        if done >= total:
+            shown.close()
 
-        yield tell
+    return tell

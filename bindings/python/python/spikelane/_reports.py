@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
-from ._progress import Callback, bar
+from ._progress import Callback
 
 __all__ = [
     "Calibration",
@@ -249,8 +249,7 @@ def measure(
     """
     if isinstance(stream, str | os.PathLike):
         stream = _native.open_stream(os.fspath(stream), height=height, width=width)
-    with bar(progress, "share") as tell:
-        said = json.loads(_native.measure(stream, height, width, tell))
+    said = json.loads(_native.measure(stream, height, width, progress))
     shape = tuple(said["shape"])
     estimate = Estimate._of
     defects = said["defects"]
@@ -292,17 +291,16 @@ def calibrate(
     ``paper`` also runs the SCSim paper's estimator. ``progress`` and Ctrl-C as in ``measure``.
     Raises SpikelaneError when the set is bad, FileExistsError unless ``force``.
     """
-    with bar(progress, "share") as tell:
-        text, camera = _native.calibrate(
-            os.fspath(recordings),
-            None if out is None else os.fspath(out),
-            dead_time,
-            light_uncertainty,
-            precision,
-            paper,
-            force,
-            tell,
-        )
+    text, camera = _native.calibrate(
+        os.fspath(recordings),
+        None if out is None else os.fspath(out),
+        dead_time,
+        light_uncertainty,
+        precision,
+        paper,
+        force,
+        progress,
+    )
     said = json.loads(text)
     people = said["population"]
     estimate = Estimate._of
@@ -344,17 +342,16 @@ def diagnose(
     large recordings. ``out`` is a folder for diagnosis.json, camera.toml and report.html. ``progress`` and Ctrl-C
     as in ``measure``. Raises SpikelaneError when a set is bad, FileExistsError unless ``force``.
     """
-    with bar(progress, "share") as tell:
-        text, found = _native.diagnose(
-            os.fspath(recordings),
-            camera,
-            None if holdout is None else os.fspath(holdout),
-            seed,
-            everything,
-            None if out is None else os.fspath(out),
-            force,
-            tell,
-        )
+    text, found = _native.diagnose(
+        os.fspath(recordings),
+        camera,
+        None if holdout is None else os.fspath(holdout),
+        seed,
+        everything,
+        None if out is None else os.fspath(out),
+        force,
+        progress,
+    )
     said = json.loads(text)
     gap = said["gap"]
     return Diagnosis(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
+from ._progress import Callback
 
 __all__ = ["Rendered", "Scene", "VehicleBox"]
 
@@ -138,7 +139,7 @@ class Scene:
         *,
         samples: int = 4,
         threads: int = 1,
-        progress: object = None,
+        progress: Callback | bool | None = None,
     ) -> NDArray[np.float32]:
         """Light of ``frames`` instants from ``t`` on, ``hz`` a second: float32 (frames, H, W), 1.0 at white.
 
