@@ -20,7 +20,7 @@ fn hills(place: &Place, name: &str) {
 fn with_stream() -> Place {
     let place = Place::new();
     hills(&place, "hills.png");
-    place.good("simulate hills.png --width 64 --height 48 --preset ideal --readouts 60 -o a");
+    place.good("simulate hills.png --width 64 --height 48 --camera ideal --readouts 60 -o a");
     place.write("bare.dat", place.read("a.dat"));
     place
 }
@@ -75,8 +75,8 @@ fn every_stream_that_is_written_has_a_sidecar() {
     place.good("record ideal --width 32 --height 24 --readouts 100 -o set");
     for layout in ["spikecv", "spike-zoo"] {
         place.good(&format!(
-            "dataset --preset tiny --sequences 1 --images 3 --label-every 0 --width 64 --height 48 --test-share 0 \
-             --layout {layout} -o {layout}"
+            "dataset --kind tiny --sequences 1 --images 3 --label-every 0 --width 64 --height 48 --test-share 0 \
+             --structure {layout} -o {layout}"
         ));
     }
     let mut streams = 0;
@@ -150,7 +150,7 @@ fn integers_without_a_full_scale_ask_for_it() {
     place.write("i.npy", array(Element::I64, vec![51i64.to_le_bytes(); 256]));
     place.write("d.npy", array(Element::F64, vec![0.2f64.to_le_bytes(); 256]));
     place.write("codes.npy", npy_f32([2, 8, 16], &[51.0; 256]));
-    let line = "--width 16 --height 8 --readouts-per-frame 50 --preset ideal";
+    let line = "--width 16 --height 8 --readouts-per-frame 50 --camera ideal";
     place.refused(&format!("simulate i.npy {line} -o a"), 4, &["i.npy", "--scale"]);
     place.refused(&format!("simulate codes.npy {line} -o a"), 4, &["codes.npy", "--scale"]);
     for (file, scale) in [("i.npy", "--scale 255"), ("codes.npy", "--scale 255"), ("d.npy", "")] {
@@ -171,7 +171,7 @@ fn folders_say_what_is_missing_what_was_left_out_and_when_pictures_were() {
         place.picture(&format!("in/{n:03}.png"), 16, 8, 40 * n);
     }
     place.write("in/notes.doc", "x");
-    let line = "--width 16 --height 8 --preset ideal";
+    let line = "--width 16 --height 8 --camera ideal";
     let ran = place.good(&format!("simulate in {line} -o a"));
     for words in [
         "number 3 is missing",

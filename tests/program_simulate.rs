@@ -167,8 +167,7 @@ fn a_stream_ends_with_its_source_and_hold_shows_each_frame_as_long_as_asked() {
     let place = Place::new();
     // Frames of no light and of full light: `ideal` fires never, and at every readout.
     place.write("video.y4m", y4m(16, 8, &[0, 255, 0]));
-    let ideal =
-        "--camera ideal --without start_phase --width 16 --height 8 --insertion hold --to npy-bytes";
+    let ideal = "--camera ideal --without start_phase --width 16 --height 8 --insertion hold --to npy-bytes";
     place.good(&format!("simulate video.y4m {ideal} --readouts-per-frame 5 -o a"));
     let bytes = place.read("a.npy");
     let data = &bytes[bytes.len() - 15 * 128..];

@@ -150,7 +150,7 @@ fn inspect_calls_no_pixel_dead_after_ten_readouts() {
     // A spike in twenty readouts: half of the pixels are silent for ten.
     place.picture("grey.png", 32, 16, 13);
     place.good(
-        "simulate grey.png --transfer linear --preset physical --width 32 --height 16 --readouts 10 -o a",
+        "simulate grey.png --transfer linear --camera physical --width 32 --height 16 --readouts 10 -o a",
     );
     let told = place.good("inspect a.dat --json").events().pop().unwrap();
     assert_eq!(told["dead_pixels"], 0);

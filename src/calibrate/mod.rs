@@ -41,7 +41,7 @@ pub use phase::growth_ratio;
 pub use population::{Population, threshold_spread};
 pub use protocol::{Precision, Protocol, predict};
 pub use published_maps::import_maps;
-pub use recordings::{Light, RateMap, Recording, RecordingSet, Scene};
+pub use recordings::{Light, RateMap, Recording, RecordingSet, Scene, UNTOLD};
 pub use result::{Calibration, LIGHT_UNCERTAINTY, Lamp, Options, Redrawn};
 pub use selection::{nu, psi};
 pub use snee::{Edges, Snee, SneeMaps, SneeOptions, snee};

@@ -105,6 +105,9 @@ impl Light {
     }
 }
 
+/// The light of a recording that nobody has told yet, as `spikelane record --template` writes it.
+pub const UNTOLD: &str = "light = \"?\"";
+
 /// A stream of the set.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -184,6 +187,11 @@ impl RecordingSet {
     /// # Errors
     /// As [`RecordingSet::open`].
     pub fn parse(text: &str, folder: PathBuf) -> Result<Self> {
+        if let Some(line) = text.lines().position(|l| l.trim() == UNTOLD) {
+            return Err(Error::new(Kind::Config, format_args!("line {}", line + 1)).found(UNTOLD).expected(
+                "the light of that recording: 0 with the cap on, else a share of what saturates, such as 0.3",
+            ));
+        }
         let mut set: Self = toml::from_str(text)
             .map_err(|e| Error::new(Kind::Config, "recording set").found(e.to_string().trim_end()))?;
         set.folder = folder;

@@ -1,6 +1,6 @@
 //! `spikelane calibrate`: from recordings to a camera file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args as ClapArgs;
 
@@ -8,7 +8,7 @@ use crate::calibrate::{
     Calibration, Files as Written, Options, RecordingSet, SneeOptions, calibrate, import_maps, observe, snee,
     write,
 };
-use crate::error::Result;
+use crate::error::{Error, Kind, Result};
 use crate::measure::Estimate;
 use crate::storage::refuse_existing;
 use serde_json::json;
@@ -50,6 +50,7 @@ pub struct Args {
 /// # Errors
 /// When the set is bad, or a file cannot be written.
 pub fn run(args: &Args, out: &Out) -> Result<()> {
+    refuse_streams(&args.recordings)?;
     refuse_existing(&args.output, &["camera.toml", "calibration.json", "report.html"], args.force)?;
     let set = if args.recordings.extension().is_some_and(|e| e == "npz") {
         let path = import_maps(&args.recordings, &args.output, args.force)?;
@@ -82,6 +83,23 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     result["event"] = json!("done");
     result["files"] = json!([&files.camera, &files.json, &files.report].map(|f| f.display().to_string()));
     out.result(&result, &text(&calibration, &files))
+}
+
+/// A stream alone says nothing of its light: what to type for a set.
+fn refuse_streams(path: &Path) -> Result<()> {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    if !path.is_dir() && !["dat", "npy", "h5", "hdf5"].contains(&&*ending) {
+        return Ok(());
+    }
+    let folder = if path.is_dir() { path } else { path.parent().unwrap_or(Path::new(".")) };
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    Err(Error::new(Kind::Usage, path.display())
+        .found(if path.is_dir() { "a folder" } else { "one recording" })
+        .expected("a recording set (.toml): the dark and flat fields of known light")
+        .remedy(format_args!(
+            "'spikelane record --template {}' lists the recordings there",
+            folder.display()
+        )))
 }
 
 fn text(calibration: &Calibration, files: &Written) -> String {

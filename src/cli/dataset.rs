@@ -19,6 +19,7 @@ use super::camera::CameraArgs;
 use super::output::{Out, bytes_text};
 use super::progress::{Stop, stop_flag};
 use super::seeds::{SceneSeed, SeedArgs};
+use super::threads::ThreadArgs;
 
 /// Between two JSON events.
 const PERIOD: Duration = Duration::from_millis(500);
@@ -131,9 +132,8 @@ pub struct Args {
     /// SPDX identifier under which you give the dataset on, such as CC-BY-4.0
     #[arg(hide_short_help = true, long, value_name = "SPDX")]
     pub licence: Option<String>,
-    /// Threads [default: one per CPU]; the bytes are the same for any number
-    #[arg(hide_short_help = true, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    pub threads: Option<u16>,
+    #[command(flatten)]
+    pub threads: ThreadArgs,
     /// Go on with a dataset that was begun
     #[arg(long)]
     pub resume: bool,
@@ -147,7 +147,7 @@ pub struct Args {
 /// # Errors
 /// As [`dataset::make`]; [`Kind::Input`] at the end when sequences were set aside.
 pub fn run(args: &Args, out: &Out) -> Result<()> {
-    let options = args.options()?;
+    let options = args.options(out)?;
     let estimate = dataset::estimate(&options)?;
     if let Some(folder) = &args.from {
         let skipped = dataset::skipped(folder, &args.output)?;
@@ -280,8 +280,7 @@ fn tell(options: &Options, report: &Report, out: &Out) -> Result<()> {
 }
 
 impl Args {
-    fn options(&self) -> Result<Options> {
-        let cpus = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    fn options(&self, out: &Out) -> Result<Options> {
         Ok(Options {
             output: self.output.clone(),
             work: self.work(),
@@ -293,7 +292,7 @@ impl Args {
             structure: self.structure,
             test_share: self.test_share,
             licence: self.licence.clone(),
-            threads: self.threads.map_or(cpus, usize::from),
+            threads: self.threads.number(out),
             resume: self.resume,
         })
     }

@@ -30,6 +30,8 @@ mod seeds;
 mod simulate;
 mod stem;
 mod stream;
+mod template;
+mod threads;
 mod verify;
 mod video;
 mod words;

@@ -1,6 +1,6 @@
 //! `spikelane record`: synthetic recording sets, and what their length will give.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args as ClapArgs, ValueEnum};
 
@@ -15,6 +15,7 @@ use super::camera::CameraArgs;
 use super::output::{Out, bytes_text};
 use super::progress::Files;
 use super::seeds::SeedArgs;
+use super::template;
 
 /// Which recordings.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -44,6 +45,10 @@ pub struct Args {
     readouts: u32,
     #[command(flatten)]
     seeds: SeedArgs,
+    /// Make no recording: write FOLDER/recordings.toml, which lists the recordings of your own camera in FOLDER and
+    /// waits for the light of each
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["plan", "output", "protocol"])]
+    template: Option<PathBuf>,
     /// Only say which precision how many readouts will give.
     #[arg(long)]
     plan: bool,
@@ -57,6 +62,9 @@ pub struct Args {
 /// # Errors
 /// When the camera is unknown, or a file cannot be written.
 pub fn run(args: &Args, out: &Out) -> Result<()> {
+    if let Some(folder) = &args.template {
+        return of_own_recordings(folder, args, out);
+    }
     let camera = args.camera.named(args.named.as_deref())?;
     let protocol = match args.protocol {
         Kind::Recommended => Protocol::recommended(args.readouts),
@@ -81,6 +89,14 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     let file = path.display().to_string();
     let event = json!({"event": "done", "file": file, "precision": rows, "bytes": bytes});
     out.result(&event, &format!("{file}\n"))
+}
+
+/// Writes the set of a folder of recordings, and says what is left to do.
+fn of_own_recordings(folder: &Path, args: &Args, out: &Out) -> Result<()> {
+    let (size, hz) = (args.camera.changes.size()?, args.camera.changes.readout_hz);
+    let file = template::write(folder, size, hz.map(|hz| hz.hz()), args.force)?.display().to_string();
+    let text = format!("{file}: put in the light of each recording, then 'spikelane calibrate {file}'\n");
+    out.result(&json!({"event": "done", "file": file}), &text)
 }
 
 /// The precision of lengths from 1,000 to 100,000 readouts, and the one asked for.

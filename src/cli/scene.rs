@@ -10,6 +10,7 @@ use serde_json::json;
 use super::output::Out;
 use super::progress::{Progress, stop_flag};
 use super::seeds::SceneSeed;
+use super::threads::ThreadArgs;
 use super::video::{Pictures, Video};
 
 /// Draw a random driving scene and its labels as pictures
@@ -41,9 +42,8 @@ pub struct Args {
     /// Colour samples of a pixel: 4 or 16
     #[arg(long, default_value = "4", value_parser = PossibleValuesParser::new(["4", "16"]))]
     pub samples: String,
-    /// Threads [default: one per CPU]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    pub threads: Option<u16>,
+    #[command(flatten)]
+    pub threads: ThreadArgs,
     /// Also make DIR/scene.mp4 of the light, with ffmpeg
     #[arg(long)]
     pub video: bool,
@@ -60,8 +60,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     if !(args.rate.is_finite() && args.rate > 0.0) {
         return Err(Error::new(Kind::Usage, "frame rate").found(args.rate).expected("a positive number"));
     }
-    let cpus = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let threads = args.threads.map_or(cpus, usize::from);
+    let threads = args.threads.number(out);
     let options = SceneOptions {
         width: args.width,
         height: args.height,

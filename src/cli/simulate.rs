@@ -23,6 +23,7 @@ use super::picture;
 use super::progress::{Progress, Stop, stop_flag};
 use super::seeds::SeedArgs;
 use super::stem::Stem;
+use super::threads::ThreadArgs;
 
 /// Turn light into a spike stream
 ///
@@ -50,9 +51,8 @@ pub struct Args {
     /// Layout to write [default: npy-bytes for an output that ends in .npy, else dat]
     #[arg(hide_short_help = true, long, value_name = "LAYOUT", value_parser = PossibleValuesParser::new(Layout::ALL.map(Layout::name)))]
     pub to: Option<String>,
-    /// Threads [default: one per CPU]; the bits are the same for any number
-    #[arg(hide_short_help = true, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    pub threads: Option<u16>,
+    #[command(flatten)]
+    pub threads: ThreadArgs,
     /// Instructions to use; the bits are the same
     #[arg(hide_short_help = true, long, default_value = "auto",
           value_parser = PossibleValuesParser::new(["auto", "reference", "portable", "avx2", "avx512"]))]
@@ -122,7 +122,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     // From here on a request to stop is answered in order.
     let stop = stop_flag()?;
     let light = args.light.open(&camera)?;
-    let job = job(args, &camera, &light, layout, &names)?;
+    let job = job(args, &camera, &light, (layout, &names), out)?;
     // Before anything is reserved: what the layout cannot hold, and what would not plan.
     layout.frame_bytes(camera.sensor.geometry)?;
     Plan::with_light(&camera, job.seeds, job.greatest_light.unwrap_or(1.0))?;
@@ -153,17 +153,22 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     simulate(args, &job, light, stop, &names, out)
 }
 
-fn job(args: &Args, camera: &Camera, light: &Light, layout: Layout, names: &Names) -> Result<Run> {
+fn job(
+    args: &Args,
+    camera: &Camera,
+    light: &Light,
+    (layout, names): (Layout, &Names),
+    out: &Out,
+) -> Result<Run> {
     let seeds = Seeds { sequence: args.sequence, ..args.seeds.seeds() };
     let backend = if args.backend == "auto" { Backend::best() } else { Backend::parse(&args.backend)? };
-    let cpus = std::thread::available_parallelism().map_or(1, usize::from);
     Ok(Run {
         readouts: light.readouts,
         greatest_light: args.light.greatest_light,
         layout,
         force: args.force,
         backend,
-        threads: args.threads.map_or(cpus, usize::from),
+        threads: args.threads.number(out),
         stale: if args.force { vec![names.sidecar.clone(), names.picture.clone()] } else { Vec::new() },
         ..Run::new(camera.clone(), seeds, light.timeline.clone())
     })

@@ -63,7 +63,7 @@ def test_the_program_has_the_golden_digests(golden, program, tmp_path, kind):
             *program,
             "simulate",
             str(tmp_path / "light.npy"),
-            "--preset",
+            "--camera",
             str(tmp_path / "camera.toml"),
             "-o",
             str(tmp_path / f"out{i}"),
@@ -73,7 +73,7 @@ def test_the_program_has_the_golden_digests(golden, program, tmp_path, kind):
         command += [
             "--insertion",
             how.get("insertion", "linear"),
-            "--layout",
+            "--to",
             "dat-top",
             "--transfer",
             "linear",

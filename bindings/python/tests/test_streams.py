@@ -76,7 +76,7 @@ def test_the_program_reads_what_python_wrote_and_the_other_way(bits, tmp_path, p
         subprocess.run([*program, *map(str, arguments)], capture_output=True, text=True, check=True)
 
     run("verify", tmp_path / "a.dat")
-    run("convert", tmp_path / "a.dat", "-o", tmp_path / "b.npy", "--layout", "npy-bytes")
+    run("convert", tmp_path / "a.dat", tmp_path / "b.npy", "--to", "npy-bytes")
     np.testing.assert_array_equal(np.load(tmp_path / "b.npy"), bits)
     np.testing.assert_array_equal(sl.open_stream(tmp_path / "b.npy").bits(), bits)
 
