@@ -108,7 +108,7 @@ impl Camera {
     /// `increment` nominal thresholds per readout, dark current included.
     #[must_use]
     pub fn operating(&self, increment: f64) -> Operating {
-        let mut circuit = Circuit::nominal(&self.sensor);
+        let mut circuit = Circuit::without_maps(&self.sensor);
         let mean = |name: &str| self.effect(name).map_or(0.0, |e| e.values()[0]);
         circuit.nominal_v += mean("bias_voltage");
         let from_dark = circuit.thresholds_of_pa(mean("dark_current"));

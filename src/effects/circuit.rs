@@ -36,15 +36,26 @@ impl Circuit {
     pub fn nominal(sensor: &Sensor) -> Self {
         let n = sensor.geometry.pixels();
         Self {
+            capacitance_ff: vec![sensor.capacitance_ff; n],
+            swing_v: vec![sensor.swing_v; n],
+            gain: vec![1.0; n],
+            dark_pa: vec![0.0; n],
+            ..Self::without_maps(sensor)
+        }
+    }
+
+    /// What all pixels share, and no map: callers that ask pixel by pixel would fill a map each time.
+    pub(super) fn without_maps(sensor: &Sensor) -> Self {
+        Self {
             geometry: sensor.geometry,
             period_s: sensor.period_s(),
             nominal_ff: sensor.capacitance_ff,
             nominal_v: sensor.swing_v,
             sensitivity: sensor.thresholds_at_full_scale,
-            capacitance_ff: vec![sensor.capacitance_ff; n],
-            swing_v: vec![sensor.swing_v; n],
-            gain: vec![1.0; n],
-            dark_pa: vec![0.0; n],
+            capacitance_ff: Vec::new(),
+            swing_v: Vec::new(),
+            gain: Vec::new(),
+            dark_pa: Vec::new(),
             telegraph: Vec::new(),
         }
     }
@@ -79,5 +90,22 @@ impl Circuit {
         for (value, z) in values.iter_mut().zip(normals) {
             *value *= 1.0 + sigma * z;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_all_pixels_share_needs_no_map() {
+        let large = Circuit::without_maps(&Sensor::new(1 << 14, 1 << 14, 20_000.0).unwrap());
+        let maps = [&large.capacitance_ff, &large.swing_v, &large.gain, &large.dark_pa];
+        assert!(maps.iter().all(|map| map.capacity() == 0));
+        let one = Circuit::nominal(&Sensor::new(1, 1, 20_000.0).unwrap());
+        assert_eq!(
+            (large.electrons(), large.thresholds_of_pa(1.0)),
+            (one.electrons(), one.thresholds_of_pa(1.0))
+        );
     }
 }
