@@ -84,8 +84,8 @@ pub type OddRecording = (&'static str, &'static [(&'static str, u8)], bool);
 pub const ODD_RECORDINGS: [OddRecording; 4] = [
     ("as_recorded", &[], true),
     ("dark_without_a_spike", &[("dark.dat", 0x00)], true),
-    ("brightest_saturated", &[("flat_90.dat", 0xff)], true),
-    ("half_of_the_columns_fire", &[("flat_60.dat", 0x55)], false),
+    ("brightest_saturated", &[("flat_9000.dat", 0xff)], true),
+    ("half_of_the_columns_fire", &[("flat_6000.dat", 0x55)], false),
 ];
 
 /// A place with a small recorded set, one recording of it replaced.
