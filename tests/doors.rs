@@ -1,4 +1,5 @@
 //! The doors that bindings use, each against the slow way.
+#![cfg(all(feature = "files", feature = "threads"))]
 
 use spikelane::effects;
 use spikelane::light::{Between, Frame, Insertion, Rate, Samples, Timeline};

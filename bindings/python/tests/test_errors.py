@@ -176,9 +176,11 @@ def test_a_fork_goes_on_with_its_copy(clip, threads):
     read, write = os.pipe()
     child = os.fork()
     if child == 0:
-        found = simulator.push(light, 5)
-        batch = sl.simulate_batch(camera, [light[None]] * 3, sequences=range(3), threads=2)
-        os.write(write, bytes([found.any(), batch.any(), int(found.sum() % 251)]))
-        os._exit(0)
+        try:
+            found = simulator.push(light, 5)
+            batch = sl.simulate_batch(camera, [light[None]] * 3, sequences=range(3), threads=2)
+            os.write(write, bytes([int(found.any()), int(batch.any()), int(found.sum() % 251)]))
+        finally:
+            os._exit(0)
     assert os.waitpid(child, 0)[1] == 0
     assert os.read(read, 3) == bytes([1, 1, int(simulator.push(light, 5).sum() % 251)])
