@@ -16,6 +16,7 @@ import os
 import platform
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -89,21 +90,30 @@ def one_stream(table: Table) -> None:
     for name, own in typical.items():
         known = sl.effects()[name]["parameters"]
         camera = camera.with_effect(name, **{**{key: p["typical"] for key, p in known.items()}, **own})
-    light = np.random.default_rng(1).integers(0, 200, (250, 400), np.uint8)
+    light = (60 + np.arange(100_000) * 7 % 40).astype(np.uint8).reshape(250, 400)
     out = np.empty((4000, 12_500), np.uint8)
     simulator = sl.Simulator(camera)
     seconds = best(lambda: simulator.push(light, 4000, out=out), 3)
+    with tempfile.TemporaryDirectory() as folder:
+        command += ["--json", "bench", "--quick", "--directory", folder]
+        said = subprocess.run(command, capture_output=True, text=True, check=True)
+    # What else runs on the machine changes from second to second: once more behind the program, and the better counts.
+    seconds = min(seconds, best(lambda: simulator.push(light, 4000, out=out), 3))
     python = 4000 * 100_000 / seconds / 1e9
-    said = subprocess.run([*command, "--json", "bench", "--quick"], capture_output=True, text=True, check=True)
-    rows = json.loads(said.stdout.splitlines()[-1])["rows"]
-    kernels = [r for r in rows if r["work"] == "frames in memory" and r["noise"] == "full noise" and r["threads"] == 1]
-    kernel = max(r["gigapixel_readouts_per_second"] for r in kernels)
+    rows = json.loads(said.stdout.splitlines()[-1])["speeds"]
+
+    def speed(work: str) -> float:
+        same = [r for r in rows if (r["work"], r["noise"], r["light"], r["threads"]) == (work, "full noise", "held", 1)]
+        return max(r["gpixel_readouts_per_s"] for r in same)
+
+    kernel, frames = speed("kernel"), speed("frames in memory")
     table.row(
-        "400x250 x 4000 readouts, full noise, one call",
+        "400x250 x 4000 readouts, full noise, held, one call",
         f"{python:.2f} Gpixel-readouts/s",
-        f"program, frames in memory {kernel:.2f}: {python / kernel:.2f} of it",
+        f"program: kernel {kernel:.2f}, frames in memory {frames:.2f}; "
+        f"{python / kernel:.2f} and {python / frames:.2f} of them",
     )
-    table.law("share of the program's speed", python / kernel, 0.9)
+    table.law("share of the program's kernel speed", python / kernel, 0.9)
     table.row("backend of both", simulator.backend)
 
 

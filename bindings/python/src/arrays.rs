@@ -99,9 +99,9 @@ impl LightRows<'_> {
     /// The frames, which have the size of `geometry`.
     pub fn frames(&self, geometry: Geometry) -> Vec<FrameRef<'_>> {
         match self {
-            Self::U8(rows) => rows.frames(geometry, |s| Samples::U8(s)),
-            Self::U16(rows) => rows.frames(geometry, |s| Samples::U16(s)),
-            Self::F32(rows) => rows.frames(geometry, |s| Samples::F32(s)),
+            Self::U8(rows) => rows.frames(geometry, Samples::U8),
+            Self::U16(rows) => rows.frames(geometry, Samples::U16),
+            Self::F32(rows) => rows.frames(geometry, Samples::F32),
         }
     }
 }
@@ -149,7 +149,7 @@ impl<'py, T: Element + Copy> Frames<'py, T> {
 impl<'a, T: Copy> Rows<'a, T> {
     fn of(view: &ArrayView3<'a, T>) -> Self {
         let frame = |i: usize| -> Option<&'a [T]> {
-            let frame: ArrayView2<'a, T> = view.clone().index_axis_move(Axis(0), i);
+            let frame: ArrayView2<'a, T> = view.index_axis_move(Axis(0), i);
             frame.to_slice()
         };
         let slices: Option<Vec<_>> = (0..view.len_of(Axis(0))).map(frame).collect();

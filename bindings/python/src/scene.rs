@@ -10,6 +10,8 @@ use crate::error::{Raise as _, usage};
 use crate::simulator::check_threads;
 use crate::watch::Watch;
 
+type Array<'py, T> = Bound<'py, PyArrayDyn<T>>;
+
 /// A random city with its traffic and its light, all from `seed`, and a camera that drives through: a function of time.
 ///
 /// `height` and `width` in pixels; `fov_deg` 5 to 150 degrees; `lighting` one of "noon", "low-sun", "overcast", "rain",
@@ -128,7 +130,7 @@ impl Scene {
         t: f64,
         to: f64,
         threads: usize,
-    ) -> PyResult<(Bound<'py, PyArrayDyn<f32>>, Bound<'py, PyArrayDyn<bool>>)> {
+    ) -> PyResult<(Array<'py, f32>, Array<'py, bool>)> {
         check_threads(threads)?;
         let flow = py.detach(|| -> spikelane::Result<_> {
             let labels = |t| -> spikelane::Result<Labels> { self.0.labels(t, threads) };
