@@ -1,24 +1,12 @@
 //! `cargo bench --bench report -- --markdown docs/performance.md`: the measurement of
 //! `spikelane bench`, for those who have not built the program.
 
-#[path = "../src/cli/bench/mod.rs"]
-mod bench;
+use std::ffi::OsString;
+use std::process::ExitCode;
 
-use clap::Parser;
-
-#[derive(Parser)]
-struct Arguments {
-    #[command(flatten)]
-    bench: bench::BenchArgs,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
-    /// Cargo passes this to every benchmark
-    #[arg(long = "bench", hide = true)]
-    _bench: bool,
-}
-
-fn main() -> Result<(), spikelane::Error> {
-    let arguments = Arguments::parse();
-    bench::run(&arguments.bench, arguments.json)
+fn main() -> ExitCode {
+    let command = ["spikelane", "bench"].map(OsString::from);
+    // Cargo passes `--bench` to every benchmark.
+    let given = std::env::args_os().skip(1).filter(|a| a != "--bench");
+    ExitCode::from(spikelane::cli::main(command.into_iter().chain(given)))
 }

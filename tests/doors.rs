@@ -180,7 +180,7 @@ fn many_frames_in_one_call_are_the_frames_pushed_one_by_one() {
             let geometry = camera.sensor.geometry;
             let data: Vec<Vec<u8>> = (0..30).map(|k| ramp(geometry, k)).collect();
             let frames: Vec<_> = data.iter().map(|f| FrameRef::u8(f, geometry)).collect();
-            for timeline in timelines {
+            for timeline in timelines.clone() {
                 let readouts = timeline.readouts(30).unwrap() as usize;
                 let slow = frame_by_frame(&camera, &frames, &timeline, readouts);
                 assert_eq!(pushed(&camera, &frames, &timeline, readouts), slow, "{timeline:?}");

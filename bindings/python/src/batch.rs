@@ -32,7 +32,6 @@ struct Item<'a> {
 }
 
 /// What all clips share.
-#[derive(Clone, Copy)]
 struct Common {
     geometry: Geometry,
     timeline: Timeline,
@@ -143,7 +142,7 @@ pub fn simulate_batch<'py>(
     let common = Common { geometry, timeline, greatest_light, bits };
     let mut watch = Watch::new(py, progress, "clips")?;
     let threads = threads.min(lights.len());
-    let result = py.detach(|| run(&items, common, threads, &mut watch));
+    let result = py.detach(|| run(&items, &common, threads, &mut watch));
     drop(items);
     watch.outcome(result)?;
     drop(target);
@@ -153,7 +152,7 @@ pub fn simulate_batch<'py>(
 /// Shares the clips between threads; this one looks after signals.
 fn run(
     items: &[Mutex<Item<'_>>],
-    common: Common,
+    common: &Common,
     threads: usize,
     watch: &mut Watch,
 ) -> spikelane::Result<()> {
@@ -216,13 +215,13 @@ struct Worker {
 }
 
 impl Worker {
-    fn clip(&mut self, i: usize, item: &Mutex<Item<'_>>, common: Common) -> spikelane::Result<()> {
+    fn clip(&mut self, i: usize, item: &Mutex<Item<'_>>, common: &Common) -> spikelane::Result<()> {
         let mut item =
             item.lock().map_err(|_| Error::new(Kind::Usage, "clip").found("a thread that failed"))?;
         self.simulate(&mut item, common).map_err(|e| e.within(format_args!("clips[{i}]")))
     }
 
-    fn simulate(&mut self, item: &mut Item<'_>, common: Common) -> spikelane::Result<()> {
+    fn simulate(&mut self, item: &mut Item<'_>, common: &Common) -> spikelane::Result<()> {
         let plan = item.camera.plan(item.camera_seed, common.greatest_light)?;
         let simulator = match (item.crop, &mut self.last) {
             (Some(crop), last) => {
