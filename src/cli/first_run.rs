@@ -21,7 +21,7 @@ pub fn run(out: &Out) -> Result<()> {
     let (stem, again) = stem()?;
     let args = Args { force: again, ..arguments(&stem)? };
     out.say(format_args!(
-        "Drawing a driving scene and simulating it with the preset 'physical' (400x250, 20 kHz), noisy and clean."
+        "Drawing a driving scene and simulating it with the camera 'physical' (400x250, 20 kHz), noisy and clean."
     ));
     simulate(&args, out)?;
     out.say("Next: 'spikelane --help', or docs/first-steps.md");

@@ -23,9 +23,9 @@ const FRAMES_PER_S: u64 = 1000;
 /// Readouts of the chart when nobody says otherwise: a fifth of a second at 20 kHz.
 const CHART_READOUTS: u64 = 4000;
 
-/// Frames per second of a drive when nobody says otherwise: every tenth readout at 20 kHz. Most of
+/// Frames per second of a drive when nobody says otherwise: every eighth readout at 20 kHz. Most of
 /// the street moves less than half a pixel from one to the next; a frame takes some 40 ms to draw.
-const DRIVE_FRAMES_PER_S: u64 = 2000;
+const DRIVE_FRAMES_PER_S: u64 = 2500;
 
 /// Readouts of a drive when nobody says otherwise: a fortieth of a second at 20 kHz.
 const DRIVE_READOUTS: u64 = 500;
