@@ -65,8 +65,10 @@ fn what_is_taken_off_in_the_middle_of_a_map_is_a_twentieth() {
     let map = white(400 * 250, 0.0, &mut random);
     let own = pattern_correlations(&map, 400);
     let plain = map_correlations(&high_pass(&map, 400), 400);
-    assert!((plain.right.value - own.right.value + 0.05).abs() < 5e-4);
-    assert!((plain.diagonal.value - own.diagonal.value + 0.0583).abs() < 8e-4);
+    // -0.05 and -0.05667 in the middle (2/25 less the overlap of two boxes, over 24/25), a little more at borders: a
+    // separate program finds -0.0506 and -0.0568 for this size. The ratio's own scatter is a few ten-thousandths.
+    assert!((plain.right.value - own.right.value + 0.0506).abs() < 1e-3);
+    assert!((plain.diagonal.value - own.diagonal.value + 0.0568).abs() < 1e-3);
 }
 
 #[test]

@@ -31,7 +31,7 @@ pub struct Changes {
     pub exposure: Option<f64>,
     /// Set a parameter of an effect, such as prnu.sigma=0.03; may be repeated. The effect's other parameters stay as the
     /// camera has them; with '--without NAME' they start from neutral
-    #[arg(long, value_name = "NAME.KEY=VALUE", help_heading = "Camera")]
+    #[arg(hide_short_help = true, long, value_name = "NAME.KEY=VALUE", help_heading = "Camera")]
     pub effect: Vec<String>,
     /// Leave an effect out; may be repeated
     #[arg(hide_short_help = true, long, value_name = "NAME", help_heading = "Camera")]

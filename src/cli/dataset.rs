@@ -96,7 +96,13 @@ pub struct Args {
     pub readouts_per_frame: Option<u64>,
     /// Light between two frames: hold, linear, or flow (along an estimated motion); held frames make all pixels jump at
     /// once where the scene moved
-    #[arg(long, default_value = "linear", requires = "from", help_heading = "Conversion")]
+    #[arg(
+        hide_short_help = true,
+        long,
+        default_value = "linear",
+        requires = "from",
+        help_heading = "Conversion"
+    )]
     pub insertion: Insertion,
     /// How frames are brought to the camera's size: resize, stretch or crop
     #[arg(
@@ -117,7 +123,7 @@ pub struct Args {
     #[command(flatten)]
     pub scene: SceneSeed,
     /// Keep the clear light of every N-th readout as images/READOUT [default: of scenes every image, of given inputs none]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(hide_short_help = true, long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub images_every: Option<u64>,
     /// How clear images are stored: u8 (PNG, sRGB), u16 (PNG, linear) or f32 (npy, linear)
     #[arg(hide_short_help = true, long, value_name = "FORM", default_value = "u8")]

@@ -9,10 +9,10 @@ use crate::{Error, Kind, Result, storage};
 #[derive(clap::Args, Clone, Copy, Debug)]
 pub struct ImageArgs {
     /// Also keep the clear light of every N-th readout, as STEM.images/READOUT, counted from 0
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(hide_short_help = true, long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub images_every: Option<u64>,
     /// How these are stored: u8 (PNG, sRGB), u16 (PNG, linear) or f32 (npy, linear)
-    #[arg(long, value_name = "FORM", default_value = "u8")]
+    #[arg(hide_short_help = true, long, value_name = "FORM", default_value = "u8")]
     pub images_as: ImageForm,
 }
 

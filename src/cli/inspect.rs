@@ -45,6 +45,16 @@ pub struct Args {
     force: bool,
 }
 
+/// A reading and its scores, those that can be told.
+fn as_json((r, given): (&Reading, bool)) -> serde_json::Value {
+    let about = json!({
+        "layout": r.layout.name(), "width": r.geometry.width(), "height": r.geometry.height(),
+        "readouts": r.readouts, "given": given,
+    });
+    let told = |x: Option<f64>| x.filter(|x| x.is_finite()).map(|x| json!(x));
+    with_known(about, [("rows_correlation", told(r.rows)), ("bytes_differ", told(r.bytes))])
+}
+
 pub fn run(args: &Args, out: &Out) -> Result<()> {
     let (reader, readings) = args.stream.open_compared(&args.file, out)?;
     let sidecar = Sidecar::beside(&args.file).ok().flatten();
@@ -72,10 +82,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         "hot_pixels": measured.hot, "weak_pixels": measured.weak,
         "warnings": reader.warnings().iter().cloned().chain(readings.warning()).collect::<Vec<_>>(),
         "geometry_from": reader.origin().to_string(), "lost_readouts": reader.lost(),
-        "readings": listed(&readings).map(|(r, given)| json!({
-            "layout": r.layout.name(), "width": r.geometry.width(), "height": r.geometry.height(),
-            "readouts": r.readouts, "rows_correlation": r.rows, "bytes_differ": r.bytes, "given": given,
-        })).collect::<Vec<_>>(),
+        "readings": listed(&readings).map(as_json).collect::<Vec<_>>(),
     });
     let beside = [
         ("digest", digest.as_ref().map(|d| json!(d))),

@@ -90,7 +90,7 @@ pub struct LightArgs {
     #[arg(hide_short_help = true, long, value_name = "FUNCTION", help_heading = "Light")]
     pub transfer: Option<Transfer>,
     /// Size of the camera: input takes that of the input's frames, which then stay as they are
-    #[arg(long, value_name = "input", value_parser = PossibleValuesParser::new(["input"]),
+    #[arg(hide_short_help = true, long, value_name = "input", value_parser = PossibleValuesParser::new(["input"]),
           conflicts_with_all = ["width", "height"], requires = "input", help_heading = "Light")]
     pub size: Option<String>,
     /// How frames are brought to the camera's size: resize, stretch or crop
@@ -103,7 +103,7 @@ pub struct LightArgs {
     )]
     pub fit: Fit,
     /// Number in an array that is full scale [default: 255, 65535, true or 1.0; other integers need it]
-    #[arg(long, value_name = "NUMBER", help_heading = "Light")]
+    #[arg(hide_short_help = true, long, value_name = "NUMBER", help_heading = "Light")]
     pub scale: Option<f64>,
     /// Motion over a single image: pan=X,Y in pixels per second, zoom=FACTOR and rotate=DEGREES per second,
     /// joined by ':'

@@ -29,8 +29,9 @@ impl Stem {
             return Ok(Self { path: output.join(name), layout: to.unwrap_or_default() });
         }
         let ending = output.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-        let meant = Layout::ALL.into_iter().rev().find(|layout| layout.default_extension() == ending);
-        let Some(meant) = meant.map(|layout| if ending == "dat" { Layout::Dat } else { layout }) else {
+        let Some(meant) =
+            [Layout::Dat, Layout::NpyBytes].into_iter().find(|l| l.default_extension() == ending)
+        else {
             if OTHERS.contains(&&*ending) {
                 return Err(cannot_write(output, &ending));
             }

@@ -66,9 +66,13 @@ pub(super) fn motion(rates: &[Vec<f64>], width: usize, sd: f64) -> Motion {
         class.iter().for_each(|p| scaled[*p] = change[*p] / scale);
     }
     let (patched, largest) = patches(&scaled, width);
-    let share = patched as f64 / first.len() as f64;
+    let share = patched as f64 / first.len().max(1) as f64;
     let least = PATCH.max(first.len() / 1000);
     let usual = median_and_spread(&mut finite(&deviations)).0;
+    // Where no class has a spread, as in the dark, nothing can be said to move.
+    if !usual.is_finite() {
+        return Motion { moves: false, share: 0.0 };
+    }
     let rho = map_correlations(
         &change.iter().map(|c| c.clamp(-5.0 * usual, 5.0 * usual)).collect::<Vec<_>>(),
         width,

@@ -117,6 +117,7 @@ impl Intervals {
     }
 
     /// The map of the growth (`which` 0) or the constant (1) of [`Self::decompose`].
+    #[cfg(all(feature = "files", feature = "threads"))]
     pub(in crate::measure) fn noise_map(&self, which: usize) -> Vec<f64> {
         (0..self.len()).map(|p| self.pixel_noise(p, SHORTEST_FITTED)[which]).collect()
     }
