@@ -119,7 +119,7 @@ fn without_input() -> Vec<String> {
         "calibrate recorded/recordings.toml -o calibrated --force",
         "completions bash",
         "man",
-        "bench --quick --seconds 0.5",
+        "bench --quick --seconds 0.1",
         // Without a command: the first run.
         "",
     ];
