@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use clap::Args as ClapArgs;
 use serde_json::json;
 
-use crate::error::{Error, Kind, Result};
+use crate::error::Result;
 use crate::measure::{
-    Line, MEANING, Motion, Recording, Statistics, Summary, Told, high_pass, spectrum, summarise,
+    Line, MEANING, Motion, Recording, Summary, Told, TotalsLine, frame_total_lines, high_pass, summarise,
 };
 use crate::report::{Curve, Part, Table, bars, heat_map, page};
 use crate::simulate::Sidecar;
@@ -47,14 +47,16 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     let statistics = &recording.statistics;
     let summary = summarise(statistics)?;
     let (told, motion) = (recording.told()?, recording.motion());
-    let lines = lines(statistics)?;
+    let lines = frame_total_lines(statistics)?;
     let hz = Sidecar::beside(&args.file).ok().flatten().and_then(|(_, sidecar)| sidecar.readout_hz);
     let mut rows = rows(&summary, &told);
     rows.push(["scene".to_owned(), moving(motion), String::new(), String::new()]);
-    rows.extend(lines.iter().map(|l| l.row(hz)));
+    rows.extend(lines.iter().map(|l| line_row(l, hz)));
     let line = |r: &[String; 4]| format!("{:<52} {:<12} {:<12} {}", r[0], r[1], r[2], r[3]);
     let text: String = rows.iter().map(|r| line(r).trim_end().to_owned() + "\n").collect();
-    out.result(&result(&summary, &told, motion, &lines)?, &format!("{MEANING}\n\n{text}"))?;
+    let mut result = recording.to_json()?;
+    result["event"] = json!("done");
+    out.result(&result, &format!("{MEANING}\n\n{text}"))?;
     let Some(path) = &args.report else { return Ok(()) };
     let mut table = Table::new(&["quantity", "value", "another recording", "another sensor"]);
     for row in rows {
@@ -83,76 +85,17 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     crate::storage::write_small(path, page(&title, &parts)?.as_bytes(), args.force)
 }
 
-/// The result as JSON.
-fn result(summary: &Summary, told: &[Told], motion: Motion, lines: &[Found]) -> Result<serde_json::Value> {
-    let wrong = |e: serde_json::Error| Error::new(Kind::Config, "summary").found(e);
-    let lines: Vec<_> = lines
-        .iter()
-        .map(|found| {
-            let mut line = json!({
-                "frequency": found.line.frequency, "power": found.line.power, "prominence": found.line.prominence,
-            });
-            if let Some(k) = found.harmonic {
-                line["harmonic_of_pixel_rate"] = json!(k);
-            }
-            line
-        })
-        .collect();
-    let mut result = json!({
-        "event": "done", "meaning": MEANING, "readouts": summary.readouts,
-        "statistics": serde_json::to_value(told).map_err(wrong)?,
-        "defects": serde_json::to_value(&summary.defects).map_err(wrong)?,
-        "scene": serde_json::to_value(motion).map_err(wrong)?,
-        "frame_total_lines": lines,
-    });
-    if summary.temporal_of_rate.is_finite() {
-        result["temporal_of_rate"] = json!(summary.temporal_of_rate);
-    }
-    Ok(result)
-}
-
-/// How far a line exceeds what is around it: far outside chance ([`crate::measure::Spectrum::lines`]).
-const LINE: f64 = 30.0;
-
-/// A line of the frame totals, and the harmonic of the pixels' rate that it is.
-struct Found {
-    line: Line,
-    harmonic: Option<u32>,
-}
-
-/// The three strongest lines of the frame totals' spectrum: what the light, the supply, or pixels that fire in phase do at one
-/// frequency.
-fn lines(statistics: &Statistics) -> Result<Vec<Found>> {
-    let (Some(frames), Some(counts)) = (&statistics.frames, &statistics.counts) else {
-        return Ok(Vec::new());
+/// What the line is, and its place.
+fn line_row(found: &TotalsLine, readout_hz: Option<f64>) -> [String; 4] {
+    let Line { frequency, prominence, .. } = found.line;
+    let what = match found.harmonic {
+        None => "line in the spectrum of frame totals".to_owned(),
+        Some(1) => "the pixels' own firing rate, in frame totals".to_owned(),
+        Some(k) => format!("the pixels' own firing rate, harmonic {k}, in frame totals"),
     };
-    // Several segments make lines of chance rare; short recordings have too little for any.
-    let segment = (frames.totals.len() / 4).min(8192) & !1;
-    if segment < 64 {
-        return Ok(Vec::new());
-    }
-    let mut lines = spectrum(&frames.totals, segment)?.lines(LINE);
-    // A scene that moves drifts, which the window spreads over the lowest bins. Totals that never differ have no spectrum.
-    let told = |x: f64| x.is_finite() && x > 0.0;
-    lines.retain(|l| l.frequency * segment as f64 > 3.5 && told(l.prominence) && told(l.power));
-    lines.truncate(3);
-    let rates = counts.rate_by_time();
-    let harmonic = |line: Line| Found { line, harmonic: line.harmonic_of(&rates, 1.0 / segment as f64) };
-    Ok(lines.into_iter().map(harmonic).collect())
-}
-
-impl Found {
-    fn row(&self, readout_hz: Option<f64>) -> [String; 4] {
-        let Line { frequency, prominence, .. } = self.line;
-        let what = match self.harmonic {
-            None => "line in the spectrum of frame totals".to_owned(),
-            Some(1) => "the pixels' own firing rate, in frame totals".to_owned(),
-            Some(k) => format!("the pixels' own firing rate, harmonic {k}, in frame totals"),
-        };
-        let hz = readout_hz.map_or(String::new(), |hz| format!(" ({:.1} Hz)", hz * frequency));
-        let value = format!("{frequency:.5} cycles per readout{hz}, {prominence:.0} times what is around it");
-        [what, value, String::new(), String::new()]
-    }
+    let hz = readout_hz.map_or(String::new(), |hz| format!(" ({:.1} Hz)", hz * frequency));
+    let value = format!("{frequency:.5} cycles per readout{hz}, {prominence:.0} times what is around it");
+    [what, value, String::new(), String::new()]
 }
 
 fn moving(motion: Motion) -> String {

@@ -58,7 +58,7 @@ pub use maps::{
 };
 pub use silence::silence_is_impossible;
 #[cfg(feature = "files")]
-pub use spectrum::{Line, Spectrum, frame_total_lines, spectrum};
+pub use spectrum::{Line, Spectrum, TotalsLine, frame_total_lines, spectrum};
 #[cfg(all(feature = "files", feature = "threads"))]
 pub use stream::of_stream;
 pub use summary::{Defects, Summary, borders, dsnu_prnu, summarise};

@@ -150,21 +150,35 @@ impl Spectrum {
 /// How far a line exceeds what is around it: far outside chance ([`Spectrum::lines`]).
 const LINE: f64 = 30.0;
 
-/// The three strongest lines of the frame totals' spectrum: what the light, or the supply, does at one
-/// frequency. None where frames were not measured.
+/// A line of the frame totals, and the harmonic of the pixels' own rate that it is, if it is one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TotalsLine {
+    /// The line.
+    pub line: Line,
+    /// 1 for the pixels' rate itself.
+    pub harmonic: Option<u32>,
+}
+
+/// The three strongest lines of the frame totals' spectrum: what the light, the supply, or pixels that fire in phase do at
+/// one frequency. None where frames or counts were not measured.
 ///
 /// # Errors
 /// As [`spectrum`].
-pub fn frame_total_lines(statistics: &Statistics) -> Result<Vec<Line>> {
-    let Some(frames) = &statistics.frames else { return Ok(Vec::new()) };
+pub fn frame_total_lines(statistics: &Statistics) -> Result<Vec<TotalsLine>> {
+    let (Some(frames), Some(counts)) = (&statistics.frames, &statistics.counts) else {
+        return Ok(Vec::new());
+    };
     // Several segments make lines of chance rare; short recordings have too little for any.
     let segment = (frames.totals.len() / 4).min(8192) & !1;
     if segment < 64 {
         return Ok(Vec::new());
     }
     let mut lines = spectrum(&frames.totals, segment)?.lines(LINE);
-    // A scene that moves drifts, which the window spreads over the lowest bins.
-    lines.retain(|line| line.frequency * segment as f64 > 3.5);
+    // A scene that moves drifts, which the window spreads over the lowest bins. Totals that never differ have no spectrum.
+    let told = |x: f64| x.is_finite() && x > 0.0;
+    lines.retain(|l| l.frequency * segment as f64 > 3.5 && told(l.prominence) && told(l.power));
     lines.truncate(3);
-    Ok(lines)
+    let rates = counts.rate_by_time();
+    let harmonic = |line: Line| TotalsLine { line, harmonic: line.harmonic_of(&rates, 1.0 / segment as f64) };
+    Ok(lines.into_iter().map(harmonic).collect())
 }

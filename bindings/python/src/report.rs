@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use spikelane::calibrate::{Options as Calibrating, RecordingSet, SneeOptions, observe, snee, write};
 use spikelane::diagnose::{Extent, Options as Diagnosing, page};
 use spikelane::formats::{Layout, Reader};
-use spikelane::measure::{Options, frame_total_lines, high_pass, list, of_stream, summarise};
+use spikelane::measure::{Recording, high_pass};
 use spikelane::simulate::save_camera;
 use spikelane::storage::write_small;
 use spikelane::{Error, Kind};
@@ -79,10 +79,9 @@ pub fn measure(
     };
     stoppable(py, Watch::new(py, progress, "share")?, |tell| {
         let all = reader.readouts().max(1) as f64;
-        let statistics = of_stream(&reader, &Options::default(), &mut |done| tell(done as f64 / all))?;
-        let mut result = value(&summarise(&statistics)?)?;
-        result["statistics"] = value(&list(&statistics)?)?;
-        result["frame_total_lines"] = value(&frame_total_lines(&statistics)?)?;
+        let recording = Recording::of_stream(&reader, &mut |done| tell(done as f64 / all))?;
+        let mut result = recording.to_json()?;
+        let statistics = &recording.statistics;
         let lengths = statistics.intervals.as_ref().map(|i| i.lengths().counts().to_vec());
         result["interval_histogram"] = value(&lengths.unwrap_or_default())?;
         if let Some(counts) = &statistics.counts {

@@ -6,6 +6,7 @@
 //! `docs/measure.md` says how each comes about, `docs/measure-coverage.md` how often they hold.
 
 mod clusters;
+mod json;
 mod motion;
 mod parts;
 mod pattern;

@@ -55,11 +55,25 @@ def _number(said: dict[str, Any], key: str) -> float:
 
 @dataclass(frozen=True)
 class Statistic:
-    """A statistic of a recording: ``key`` without spaces, ``words`` with its unit, ``estimate``."""
+    """A statistic of a recording: ``key`` without spaces, ``words`` with its unit; NaN stands for what cannot be told.
+
+    ``recording_error`` is one standard deviation of what another recording of this sensor would give (no more than
+    that, where ``at_most``), ``sensor_error`` of what another sensor of this kind would. A value that may be 0 is NaN, and is
+    less than ``below`` with 95 % confidence.
+    """
 
     key: str
     words: str
-    estimate: Estimate
+    value: float
+    below: float
+    recording_error: float
+    sensor_error: float
+    at_most: bool
+
+    @classmethod
+    def _of(cls, said: dict[str, Any]) -> Statistic:
+        numbers = {k: _number(said, k) for k in ("value", "below", "recording_error", "sensor_error")}
+        return cls(key=said["key"], words=said["words"], at_most=said.get("at_most", False), **numbers)
 
 
 @dataclass(frozen=True)
@@ -67,12 +81,13 @@ class SpectralLine:
     """A line in the spectrum of frame totals.
 
     ``frequency`` in cycles per readout, ``power`` in spikes squared, ``prominence`` in multiples of what is
-    around it.
+    around it; ``harmonic_of_pixel_rate`` is 1 where the line is the pixels' own rate, 0 where it is none of its harmonics.
     """
 
     frequency: float
     power: float
     prominence: float
+    harmonic_of_pixel_rate: int = 0
 
 
 @dataclass(frozen=True)
@@ -90,18 +105,14 @@ class Measurement:
     """What a recording says of its camera, in the words of EMVA 1288; rates in spikes per readout.
 
     ``rate`` and ``pattern`` (rate less its 5x5 surroundings) are float64 (H, W); ``interval_histogram`` is int64,
-    entry n the number of intervals of n readouts.
+    entry n the number of intervals of n readouts. ``moves`` says that the scene moved; errors are then not those of a
+    still one, and ``moving_share`` of the pixels changed.
     """
 
     readouts: int
-    mean_rate: Estimate
-    signal: Estimate
-    nonuniformity: Estimate
-    local_nonuniformity: Estimate
-    row_nonuniformity: Estimate
-    column_nonuniformity: Estimate
     temporal_of_rate: float
-    interval_variance: Estimate
+    moves: bool
+    moving_share: float
     defects: Defects
     statistics: tuple[Statistic, ...]
     frame_total_lines: tuple[SpectralLine, ...]
@@ -109,17 +120,20 @@ class Measurement:
     pattern: NDArray[np.float64] = field(repr=False)
     interval_histogram: NDArray[np.int64] = field(repr=False)
 
-    def __getitem__(self, key: str) -> Estimate:
+    def __getitem__(self, key: str) -> Statistic:
         """The statistic called ``key``; KeyError lists those there are."""
         for statistic in self.statistics:
             if statistic.key == key:
-                return statistic.estimate
+                return statistic
         raise KeyError(f"found {key!r}, expected one of {', '.join(s.key for s in self.statistics)}")
 
 
 @dataclass(frozen=True)
 class Lamp:
-    """A light level as the recording set states it and as it was found."""
+    """A light level as the recording set states it and as it was found.
+
+    ``change`` is by how much, relatively, the light of the second half of its recording differs from the first's.
+    """
 
     file: str
     stated: float
@@ -128,6 +142,8 @@ class Lamp:
     deviation: Estimate
     wrong: bool
     saturated: bool
+    drifts: bool
+    change: Estimate
 
 
 @dataclass(frozen=True)
@@ -251,20 +267,14 @@ def measure(
         stream = _native.open_stream(os.fspath(stream), height=height, width=width)
     said = json.loads(_native.measure(stream, height, width, progress))
     shape = tuple(said["shape"])
-    estimate = Estimate._of
     defects = said["defects"]
     return Measurement(
         readouts=said["readouts"],
-        mean_rate=estimate(said["mean_rate"]),
-        signal=estimate(said["signal"]),
-        nonuniformity=estimate(said["nonuniformity"]),
-        local_nonuniformity=estimate(said["local_nonuniformity"]),
-        row_nonuniformity=estimate(said["row_nonuniformity"]),
-        column_nonuniformity=estimate(said["column_nonuniformity"]),
-        temporal_of_rate=float("nan") if said["temporal_of_rate"] is None else said["temporal_of_rate"],
-        interval_variance=estimate(said["interval_variance"]),
+        temporal_of_rate=_number(said, "temporal_of_rate"),
+        moves=said["scene"]["moves"],
+        moving_share=said["scene"]["share"],
         defects=Defects(**{kind: _indices(defects[kind]) for kind in ("dead", "stuck", "hot", "weak")}),
-        statistics=tuple(Statistic(s["key"], s["words"], estimate(s["estimate"])) for s in said["statistics"]),
+        statistics=tuple(Statistic._of(statistic) for statistic in said["statistics"]),
         frame_total_lines=tuple(SpectralLine(**line) for line in said["frame_total_lines"]),
         rate=np.array(said["rate"], dtype=np.float64).reshape(shape),
         pattern=np.array(said["pattern"], dtype=np.float64).reshape(shape),
@@ -314,7 +324,7 @@ def calibrate(
         threshold_noise=estimate(said["sigma_t"]),
         electrons_per_spike=estimate(said["electrons_per_spike"]),
         redraw=said["redraw"],
-        levels=tuple(Lamp(**{**level, "deviation": estimate(level["deviation"])}) for level in said["levels"]),
+        levels=tuple(Lamp(**{**level, "deviation": estimate(level["deviation"]), "change": estimate(level.get("change"))}) for level in said["levels"]),
         dead=_indices(said["dead"]),
         hot=_indices(said["hot"]),
         misfits=_indices(said["misfits"]),
