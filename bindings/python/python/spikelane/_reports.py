@@ -324,7 +324,10 @@ def calibrate(
         threshold_noise=estimate(said["sigma_t"]),
         electrons_per_spike=estimate(said["electrons_per_spike"]),
         redraw=said["redraw"],
-        levels=tuple(Lamp(**{**level, "deviation": estimate(level["deviation"]), "change": estimate(level.get("change"))}) for level in said["levels"]),
+        levels=tuple(
+            Lamp(**{**level, "deviation": estimate(level["deviation"]), "change": estimate(level.get("change"))})
+            for level in said["levels"]
+        ),
         dead=_indices(said["dead"]),
         hot=_indices(said["hot"]),
         misfits=_indices(said["misfits"]),
