@@ -222,3 +222,34 @@ fn a_data_set_of_inputs_says_what_it_left_out() {
     }
     assert_eq!(std::fs::read_dir(place.path("set/sequences")).unwrap().count(), 1);
 }
+
+#[test]
+fn a_folder_of_own_recordings_leads_to_a_calibration() {
+    let place = Place::new();
+    place.good("record physical --width 24 --height 16 --readouts 2000 -o made");
+    std::fs::create_dir(place.path("own")).unwrap();
+    for file in ["dark.dat", "flat_1000.dat", "flat_3000.dat", "flat_6000.dat"] {
+        std::fs::copy(place.path(&format!("made/{file}")), place.path(&format!("own/{file}"))).unwrap();
+    }
+    place.refused("calibrate own/dark.dat", 2, &["own/dark.dat", "record --template own"]);
+    place.good("record --template own --width 24 --height 16");
+    let text = String::from_utf8(place.read("own/recordings.toml")).unwrap();
+    // Darkest first, and no light is guessed.
+    let files: Vec<_> = text.lines().filter(|l| l.starts_with("file")).collect();
+    assert!(files[0].contains("dark") && files[3].contains("6000"), "{text}");
+    place.refused("calibrate own/recordings.toml -o a", 3, &["own/recordings.toml", "light"]);
+    let mut levels = ["0.0", "0.1", "0.3", "0.6"].into_iter();
+    let told: Vec<_> =
+        text.lines()
+            .map(|l| {
+                if l == "light = \"?\"" {
+                    format!("light = {}", levels.next().unwrap())
+                } else {
+                    l.to_owned()
+                }
+            })
+            .collect();
+    place.write("own/recordings.toml", told.join("\n"));
+    place.good("calibrate own/recordings.toml -o a");
+    place.refused("record --template own --width 24 --height 16", 7, &["own/recordings.toml"]);
+}

@@ -57,20 +57,6 @@ impl Changes {
         !sized && !timed && self.effect.is_empty() && self.without.is_empty()
     }
 
-    /// The size, if both sides are given.
-    ///
-    /// # Errors
-    /// [`Kind::Usage`] for one side alone.
-    pub fn size(&self) -> Result<Option<Geometry>> {
-        match (self.width, self.height) {
-            (Some(width), Some(height)) => Geometry::new(width, height).map(Some),
-            (None, None) => Ok(None),
-            _ => Err(Error::new(Kind::Usage, "size")
-                .found("only one of --width and --height")
-                .expected("both or neither")),
-        }
-    }
-
     pub fn apply(&self, mut camera: Camera) -> Result<Camera> {
         let sensor = &mut camera.sensor;
         let (mut width, mut height) = (sensor.geometry.width() as u32, sensor.geometry.height() as u32);

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::formats::{EVENTS, Finished, Layout, StreamWriter, convert, write_events};
 use crate::report::with_known;
 use crate::simulate::{Sidecar, StreamFacts, Written};
-use crate::{Error, Kind, Result, spikes};
+use crate::{Error, Kind, Result};
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
 
@@ -13,7 +13,7 @@ use super::inspect::file_name;
 use super::output::{Out, bytes_text, command_line};
 use super::progress::{Progress, stop_flag};
 use super::range::{Readouts, Rectangle};
-use super::stream::StreamArgs;
+use super::stream::{StreamArgs, spikes_in};
 
 /// Copy a stream into another layout, or a part of it
 ///
@@ -156,10 +156,5 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
 /// Spikes of what was written: reading it back also shows that it reads back.
 fn count(path: &std::path::Path, layout: Layout, geometry: crate::Geometry) -> Result<u64> {
     let reader = crate::formats::Reader::open(path, Some(layout), Some(geometry))?;
-    let mut frames = reader.frames(0..reader.readouts())?;
-    let mut spikes = 0;
-    while let Some(frame) = frames.next_frame() {
-        spikes += spikes::count(frame?);
-    }
-    Ok(spikes)
+    spikes_in(&reader, 0..reader.readouts())
 }

@@ -6,9 +6,7 @@ use clap::Args as ClapArgs;
 use serde_json::json;
 
 use crate::error::Result;
-use crate::measure::{
-    Line, MEANING, Motion, Recording, Summary, Told, TotalsLine, frame_total_lines, high_pass, summarise,
-};
+use crate::measure::{Line, MEANING, Motion, Recording, Summary, Told, TotalsLine, high_pass};
 use crate::report::{Curve, Part, Table, bars, heat_map, page};
 use crate::simulate::Sidecar;
 
@@ -45,16 +43,14 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     let recording = Recording::of_stream(&reader, &mut |done| progress.step(&name, done as f64 / all))?;
     drop(progress);
     let statistics = &recording.statistics;
-    let summary = summarise(statistics)?;
-    let (told, motion) = (recording.told()?, recording.motion());
-    let lines = frame_total_lines(statistics)?;
+    let said = recording.said()?;
     let hz = Sidecar::beside(&args.file).ok().flatten().and_then(|(_, sidecar)| sidecar.readout_hz);
-    let mut rows = rows(&summary, &told);
-    rows.push(["scene".to_owned(), moving(motion), String::new(), String::new()]);
-    rows.extend(lines.iter().map(|l| line_row(l, hz)));
+    let mut rows = rows(&said.summary, &said.told);
+    rows.push(["scene".to_owned(), moving(said.motion), String::new(), String::new()]);
+    rows.extend(said.lines.iter().map(|l| line_row(l, hz)));
     let line = |r: &[String; 4]| format!("{:<52} {:<12} {:<12} {}", r[0], r[1], r[2], r[3]);
     let text: String = rows.iter().map(|r| line(r).trim_end().to_owned() + "\n").collect();
-    let mut result = recording.to_json()?;
+    let mut result = said.to_json()?;
     result["event"] = json!("done");
     out.result(&result, &format!("{MEANING}\n\n{text}"))?;
     let Some(path) = &args.report else { return Ok(()) };

@@ -15,7 +15,7 @@ use super::camera::CameraArgs;
 use super::output::{Out, bytes_text};
 use super::progress::Files;
 use super::seeds::SeedArgs;
-use super::template;
+use super::{stream, template};
 
 /// Which recordings.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -93,7 +93,8 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
 
 /// Writes the set of a folder of recordings, and says what is left to do.
 fn of_own_recordings(folder: &Path, args: &Args, out: &Out) -> Result<()> {
-    let (size, hz) = (args.camera.changes.size()?, args.camera.changes.readout_hz);
+    let changes = &args.camera.changes;
+    let (size, hz) = (stream::size("size", changes.width, changes.height)?, changes.readout_hz);
     let file = template::write(folder, size, hz.map(|hz| hz.hz()), args.force)?.display().to_string();
     let text = format!("{file}: put in the light of each recording, then 'spikelane calibrate {file}'\n");
     out.result(&json!({"event": "done", "file": file}), &text)

@@ -1,10 +1,11 @@
 //! Flags that say how to read a stream.
 
+use std::ops::Range;
 use std::path::Path;
 
 use crate::calibrate::RecordingSet;
 use crate::formats::{Layout, Lost, Opening, Origin, Reader, Readings};
-use crate::{Error, Geometry, Kind, Result};
+use crate::{Error, Geometry, Kind, Result, spikes};
 use clap::builder::PossibleValuesParser;
 
 use super::output::Out;
@@ -30,6 +31,33 @@ pub struct StreamArgs {
     pub lost: Lost,
 }
 
+/// The size, if both sides are given.
+///
+/// # Errors
+/// [`Kind::Usage`], about `subject`, for one side alone.
+pub fn size(
+    subject: impl std::fmt::Display,
+    width: Option<u32>,
+    height: Option<u32>,
+) -> Result<Option<Geometry>> {
+    match (width, height) {
+        (Some(width), Some(height)) => Geometry::new(width, height).map(Some),
+        (None, None) => Ok(None),
+        _ => Err(Error::new(Kind::Usage, subject)
+            .found("only one of --width and --height")
+            .expected("both or neither")),
+    }
+}
+
+/// Spikes in a range of readouts, each of which is read.
+pub fn spikes_in(reader: &Reader, readouts: Range<usize>) -> Result<u64> {
+    let (mut frames, mut count) = (reader.frames(readouts)?, 0);
+    while let Some(frame) = frames.next_frame() {
+        count += spikes::count(frame?);
+    }
+    Ok(count)
+}
+
 impl StreamArgs {
     /// Opens the stream, and says what its user should know of it.
     pub fn open(&self, path: &Path, out: &Out) -> Result<Reader> {
@@ -38,15 +66,7 @@ impl StreamArgs {
 
     /// As [`open`](Self::open), with the readings that were compared.
     pub fn open_compared(&self, path: &Path, out: &Out) -> Result<(Reader, Readings)> {
-        let geometry = match (self.width, self.height) {
-            (Some(width), Some(height)) => Some(Geometry::new(width, height)?),
-            (None, None) => None,
-            _ => {
-                return Err(Error::new(Kind::Usage, path.display())
-                    .found("only one of --width and --height")
-                    .expected("both or neither"));
-            }
-        };
+        let geometry = size(path.display(), self.width, self.height)?;
         let layout = self.layout.as_deref().map(Layout::parse).transpose()?;
         let reader = Opening { layout, geometry, key: self.key.clone(), lost: self.lost }.open(path)?;
         if let Origin::DataSet(file) = reader.origin() {

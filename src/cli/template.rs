@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use crate::calibrate::UNTOLD;
 use crate::formats::Reader;
 use crate::simulate::Sidecar;
-use crate::{Error, Geometry, Kind, Result, spikes, storage};
+use crate::{Error, Geometry, Kind, Result, storage};
 
 use super::inspect::file_name;
+use super::stream::spikes_in;
 
 /// Readouts that are counted to tell recordings apart.
 const LOOK: usize = 500;
@@ -60,11 +61,8 @@ fn look(path: &Path, size: Option<Geometry>) -> Result<Found> {
     let readouts = reader.readouts();
     let first = readouts / 2 - LOOK.min(readouts) / 2;
     let range = first..first + LOOK.min(readouts);
-    let (mut count, looked) = (0, range.len());
-    let mut frames = reader.frames(range)?;
-    while let Some(frame) = frames.next_frame() {
-        count += spikes::count(frame?);
-    }
+    let looked = range.len();
+    let count = spikes_in(&reader, range)?;
     let sidecar = Sidecar::beside(path).ok().flatten();
     Ok(Found {
         file: file_name(path),

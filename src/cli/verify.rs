@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 
 use crate::formats::{EVENTS, Layout, Reader};
 use crate::simulate::{Sidecar, StreamFacts};
-use crate::{Error, Geometry, Kind, Result, spikes, storage};
+use crate::{Error, Geometry, Kind, Result, storage};
 use serde_json::json;
 
 use super::inspect::file_name;
 use super::output::Out;
+use super::stream::spikes_in;
 
 /// Check streams against their sidecars
 ///
@@ -106,11 +107,7 @@ fn compare(path: &Path, sidecar: &Sidecar, facts: &StreamFacts) -> Checked {
     let layout = Layout::parse(&sidecar.layout)?;
     let geometry = Geometry::new(sidecar.width, sidecar.height)?;
     let reader = Reader::open(path, Some(layout), Some(geometry))?;
-    let mut frames = reader.frames(0..reader.readouts())?;
-    let mut count = 0;
-    while let Some(frame) = frames.next_frame() {
-        count += spikes::count(frame?);
-    }
+    let count = spikes_in(&reader, 0..reader.readouts())?;
     if (reader.readouts() as u64, count) != (sidecar.readouts, facts.spikes) {
         return Err(Error::new(Kind::Corrupt, path.display())
             .found(format_args!("{} readouts with {count} spikes", reader.readouts()))

@@ -57,12 +57,12 @@ const TEMPLATE: &str = "{about-with-newline}\n{before-help}{usage-heading} {usag
 
 /// The command with its help as people read it.
 pub fn command() -> clap::Command {
-    let top = [("", ["", "simulate lake.mp4 -o out/lake"])];
     let shown = |examples: &[&str; 2]| {
         let line = |example: &&str| format!("  spikelane {example}").trim_end().to_owned();
         format!("Examples:\n{}", examples.iter().map(line).collect::<Vec<_>>().join("\n"))
     };
-    let command = Cli::command().help_template(TEMPLATE).before_help(shown(&top[0].1));
+    let command =
+        Cli::command().help_template(TEMPLATE).before_help(shown(&["", "simulate lake.mp4 -o out/lake"]));
     EXAMPLES.iter().fold(command, |command, (name, examples)| {
         command.mut_subcommand(name, |c| c.help_template(TEMPLATE).before_help(shown(examples)))
     })

@@ -47,7 +47,7 @@ use block::Block;
 
 pub use counts::{Counts, NEVER, Pair};
 #[cfg(all(feature = "files", feature = "threads"))]
-pub use errors::{MEANING, Motion, Recorder, Recording, Told};
+pub use errors::{MEANING, Motion, Recorder, Recording, Said, Told};
 pub use estimate::{Estimate, bootstrap, finite, median, median_and_spread, tiled_mean, trimmed_mean};
 pub use frames::{Extreme, Frames};
 pub use intervals::{Deviation, Halves, Intervals, LONGEST_LAG, Lengths, PhaseNoise, PixelIntervals};

@@ -51,10 +51,10 @@ fn check(geometry: Geometry, packed: usize, bits: usize) -> Result<()> {
 pub(crate) fn unpack_frame(packed: &[u8], bits: &mut [u8]) {
     let (words, rest) = bits.as_chunks_mut::<8>();
     for (word, &byte) in words.iter_mut().zip(packed) {
-        *word = spread(byte);
+        *word = spread(byte).to_le_bytes();
     }
     if let Some(&last) = packed.get(words.len()) {
-        rest.copy_from_slice(&spread(last)[..rest.len()]);
+        rest.copy_from_slice(&spread(last).to_le_bytes()[..rest.len()]);
     }
 }
 
@@ -85,10 +85,10 @@ pub(crate) fn pack_frame(bits: &[u8], packed: &mut [u8]) -> Result<(), usize> {
     Err(bits.iter().position(|&b| b != 0 && b != top).unwrap_or_default())
 }
 
-/// Eight bits as eight bytes: keep bit k in byte k, then carry any bit into bit 7.
-fn spread(byte: u8) -> [u8; 8] {
+/// Eight bits as eight bytes, the lowest first: keep bit k in byte k, then carry any bit into bit 7.
+pub(crate) fn spread(byte: u8) -> u64 {
     let kept = (u64::from(byte) * 0x0101_0101_0101_0101) & 0x8040_2010_0804_0201;
-    ((kept + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101).to_le_bytes()
+    (kept + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101
 }
 
 /// Eight bytes of 0 or 1 as bits: the product moves bit 8k to bit 56 + k, and no two

@@ -11,7 +11,7 @@ mod crop;
 
 pub use bytes::{pack, unpack};
 #[cfg(feature = "files")]
-pub(crate) use bytes::{pack_frame, unpack_frame};
+pub(crate) use bytes::{pack_frame, spread, unpack_frame};
 pub use crop::Crop;
 
 use crate::error::{Error, Kind, Result};

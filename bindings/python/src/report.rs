@@ -80,7 +80,7 @@ pub fn measure(
     stoppable(py, Watch::new(py, progress, "share")?, |tell| {
         let all = reader.readouts().max(1) as f64;
         let recording = Recording::of_stream(&reader, &mut |done| tell(done as f64 / all))?;
-        let mut result = recording.to_json()?;
+        let mut result = recording.said()?.to_json()?;
         let statistics = &recording.statistics;
         let lengths = statistics.intervals.as_ref().map(|i| i.lengths().counts().to_vec());
         result["interval_histogram"] = value(&lengths.unwrap_or_default())?;

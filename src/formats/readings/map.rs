@@ -1,6 +1,7 @@
 //! Rate maps in the order of a file's bits, and how their pixels correlate.
 
 use crate::formats::{Codec, Layout};
+use crate::spikes::spread;
 
 /// Pairs of which a correlation is taken, about: its error of chance is then 0.002.
 const MOST_PAIRS: usize = 1 << 18;
@@ -20,12 +21,6 @@ impl Bits {
         }
         Self(counts)
     }
-}
-
-/// Bit k of a byte in bit 8 k.
-fn spread(byte: u8) -> u64 {
-    let kept = (u64::from(byte) * 0x0101_0101_0101_0101) & 0x8040_2010_0804_0201;
-    (kept + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101
 }
 
 /// Spikes per pixel, row by row, in the order of the file.

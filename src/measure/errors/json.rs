@@ -2,25 +2,52 @@
 
 use serde_json::{Value, json};
 
-use super::{MEANING, Recording};
+use super::{MEANING, Motion, Recording, Told};
 use crate::error::{Error, Kind, Result};
-use crate::measure::{TotalsLine, frame_total_lines, summarise};
+use crate::measure::{Summary, TotalsLine, frame_total_lines, summarise};
+
+/// Everything that is told of a recording.
+#[derive(Clone, Debug)]
+pub struct Said {
+    /// Rates, spreads and defects.
+    pub summary: Summary,
+    /// Every statistic with its errors.
+    pub told: Vec<Told>,
+    /// Whether the scene moved.
+    pub motion: Motion,
+    /// The strongest lines in the spectrum of frame totals.
+    pub lines: Vec<TotalsLine>,
+}
 
 impl Recording {
-    /// Everything that is told; what cannot be told has no key.
+    /// Works out everything that is told.
     ///
     /// # Errors
     /// As [`summarise`] and [`frame_total_lines`].
+    pub fn said(&self) -> Result<Said> {
+        Ok(Said {
+            summary: summarise(&self.statistics)?,
+            told: self.told()?,
+            motion: self.motion(),
+            lines: frame_total_lines(&self.statistics)?,
+        })
+    }
+}
+
+impl Said {
+    /// As JSON; what cannot be told has no key.
+    ///
+    /// # Errors
+    /// Never, in practice: every value has a text.
     pub fn to_json(&self) -> Result<Value> {
         let wrong = |e: serde_json::Error| Error::new(Kind::Config, "measurement").found(e);
-        let summary = summarise(&self.statistics)?;
-        let lines: Vec<_> = frame_total_lines(&self.statistics)?.iter().map(line).collect();
+        let summary = &self.summary;
         let mut result = json!({
             "meaning": MEANING, "readouts": summary.readouts,
-            "statistics": serde_json::to_value(self.told()?).map_err(wrong)?,
+            "statistics": serde_json::to_value(&self.told).map_err(wrong)?,
             "defects": serde_json::to_value(&summary.defects).map_err(wrong)?,
-            "scene": serde_json::to_value(self.motion()).map_err(wrong)?,
-            "frame_total_lines": lines,
+            "scene": serde_json::to_value(self.motion).map_err(wrong)?,
+            "frame_total_lines": self.lines.iter().map(line).collect::<Vec<_>>(),
         });
         if summary.temporal_of_rate.is_finite() {
             result["temporal_of_rate"] = json!(summary.temporal_of_rate);

@@ -18,6 +18,7 @@ use crate::error::Result;
 use crate::measure::{Estimate, Named, Pair, list, summarise};
 
 use clusters::{NORMAL, clustered, widened};
+pub use json::Said;
 pub use motion::Motion;
 pub use parts::{Recorder, Recording};
 use pattern::{KEYS, Pattern, SPREADS, patterns};
