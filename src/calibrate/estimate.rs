@@ -359,9 +359,11 @@ impl<'a> Fitter<'a> {
         let bends = bend.is_some_and(|b| b.value.abs() > BENT * b.error);
         let (mut scale, shift) =
             self.alignment.as_ref().map_or((0.0, 0.0), |a| (a.scale_error, a.shift_error));
+        if let Some(b) = bend {
+            scale = scale.hypot(if bends { b.value } else { super::said::likely_bend(b) });
+        }
         if let Some(b) = bend.filter(|_| bends) {
             self.say_of_bend(b);
-            scale = scale.hypot(b.value);
         }
         population.widen(scale, shift);
         self.electrons.error = self.electrons.error.hypot(self.electrons.value * scale);

@@ -11,6 +11,7 @@
 
 mod below;
 mod check;
+mod doubt;
 mod drift;
 mod estimate;
 mod fit;

@@ -11,8 +11,18 @@ use crate::measure::Estimate;
 const LEAST_PIXELS: usize = 8;
 
 /// Levels found bend against the stated ones where their trend is more than so many of its errors: one set in twenty of lamps as good as
-/// stated. What is not told moves the gain of levels spread over the range by 1.8 times as many of its own errors.
+/// stated. What is not told would move the gain of levels spread over the range by 1.8 times as many of its own errors.
 pub(super) const BENT: f64 = 2.0;
+
+/// Bends of responses and of what lamps are said to give, from dark to full light.
+const USUAL_BEND: f64 = 0.02;
+
+/// How large a bend that is not told is likely to be: the square of the trend less that of its error, which chance alone would have, and of
+/// it the share that a usual bend has of a usual bend and that error.
+pub(super) fn likely_bend(bend: Estimate) -> f64 {
+    let (usual, error) = (USUAL_BEND.powi(2), bend.error.powi(2));
+    ((bend.value.powi(2) - error).max(0.0) * usual / (usual + error)).sqrt()
+}
 
 /// A typical chi-square beyond this is told. With a hundred pixels its median is known to some ten per cent.
 const WIDE: f64 = 2.0;
@@ -69,6 +79,11 @@ impl Fitter<'_> {
             self.notes.push(format!(
                 "Whether a single level is wrong cannot be told with {usable} levels: with a recording in the dark it takes three lit ones, without it four. Errors hold the stated uncertainty of the light."
             ));
+        }
+        if self.alignment.as_ref().is_some_and(|a| a.doubtful) {
+            self.notes.push(
+                "Other levels than the ones that were believed agree nearly as well: which lamp is off cannot be told, and errors hold either. Another recording at a light that you trust would tell.".to_owned(),
+            );
         }
         for (level, change) in
             self.observed.levels.iter().filter_map(|l| Some((l, l.change?))).filter(|(l, _)| l.drifts())
