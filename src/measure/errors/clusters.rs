@@ -65,9 +65,41 @@ pub(super) fn widened(error: f64, freedom: f64) -> f64 {
     error * t / z
 }
 
+/// The normal quantile that one value in twenty falls below.
+const TWENTIETH: f64 = -1.644_854;
+
+/// A standard error of a mean square with so many degrees of freedom, known by that mean square itself, widened so that 1.96 of it on
+/// either side cover 95 %. A small value has a small error, so the truth is missed above it and nowhere else: the
+/// value that one in twenty falls below (Wilson and Hilferty 1931) has to reach the truth.
+pub(super) fn widened_square(error: f64, freedom: f64) -> f64 {
+    widened_power(error, freedom, 1.0)
+}
+
+/// The same for the error of a mean square that is told as its root.
+pub(super) fn widened_root(error: f64, freedom: f64) -> f64 {
+    widened_power(error, freedom, 0.5)
+}
+
+fn widened_power(error: f64, freedom: f64, power: f64) -> f64 {
+    let v = freedom.max(2.0);
+    let third = 2.0 / (9.0 * v);
+    let low = (1.0 - third + TWENTIETH * third.sqrt()).max(0.05).powf(3.0 * power);
+    let needed = (1.0 / low - 1.0) / (NORMAL * power * (2.0 / v).sqrt());
+    error * needed.max(1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_mean_square_of_thirty_degrees_is_widened_by_a_quarter() {
+        // Chi-square tables: one in twenty is below 18.49 of 30.
+        let expected = (30.0 / 18.49 - 1.0) / (NORMAL * (2.0_f64 / 30.0).sqrt());
+        assert!((widened_square(1.0, 30.0) / expected - 1.0).abs() < 0.005);
+        let expected = ((30.0_f64 / 18.49).sqrt() - 1.0) / (NORMAL * 0.5 * (2.0_f64 / 30.0).sqrt());
+        assert!((widened_root(1.0, 30.0) / expected - 1.0).abs() < 0.005);
+    }
 
     #[test]
     fn students_quantiles_are_those_of_tables() {

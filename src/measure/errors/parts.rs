@@ -1,8 +1,9 @@
 //! A recording measured whole, in halves and in quarters.
 //!
 //! Two halves are two recordings by the same sensor: pixel by pixel everything fixed is gone from their difference, and what
-//! is left is what another recording would change. A pixel's phase at the start of the second half is as good as drawn
-//! anew, as rates of different pixels come round to different places.
+//! is left is what another recording would change. Parts end a sixteenth of the recording before the next one starts, so that a pixel's phase
+//! at the start of the next is as good as drawn anew: side by side, the last spike of one would tell where the first one of the next falls
+//! on the readouts, and the difference would scatter by too little or too much, as the interval is an odd or a whole number of them.
 
 use rayon::prelude::*;
 
@@ -22,6 +23,21 @@ pub struct Recording {
     /// The whole.
     pub statistics: Statistics,
     pub(super) scatter: Scatter,
+}
+
+/// Readouts of a quarter that belong to no part: the last fourth of it.
+fn gap(quarter: usize) -> usize {
+    quarter / 4
+}
+
+/// Readouts of a half of so many.
+pub(super) fn half_readouts(readouts: usize) -> usize {
+    2 * (readouts / 4) - gap(readouts / 4)
+}
+
+/// Readouts of a quarter of so many.
+pub(super) fn quarter_readouts(readouts: usize) -> usize {
+    readouts / 4 - gap(readouts / 4)
 }
 
 /// Takes the readouts of a recording of known length.
@@ -52,7 +68,7 @@ impl Recorder {
             whole,
             half: Vec::new(),
             part: Vec::new(),
-            scatter: Scatter::new(quantities, geometry),
+            scatter: Scatter::new(quantities, geometry, readouts),
             options,
         })
     }
@@ -65,26 +81,44 @@ impl Recorder {
         push(&mut self.whole, frames)?;
         let size = self.geometry.frame_bytes();
         let mut rest = frames.bytes();
+        let kept = self.quarter - gap(self.quarter);
         while !rest.is_empty() && self.at < 4 * self.quarter {
-            let here = (self.quarter - self.at % self.quarter).min(rest.len() / size);
+            let within = self.at % self.quarter;
+            let end = if within < kept { kept } else { self.quarter };
+            let here = (end - within).min(rest.len() / size);
             let (now, later) = rest.split_at(here * size);
-            let now = Packed::new(self.geometry, now)?;
-            if self.at.is_multiple_of(self.quarter) {
-                self.part = bands(self.geometry, &self.options, false)?;
-            }
-            if self.at.is_multiple_of(2 * self.quarter) {
-                self.half = bands(self.geometry, &self.options, false)?;
-            }
-            push(&mut self.part, now)?;
-            push(&mut self.half, now)?;
+            self.push_part(Packed::new(self.geometry, now)?, within < kept)?;
             self.at += here;
             rest = later;
-            if self.at.is_multiple_of(self.quarter) {
-                self.scatter.add_quarter(&join(std::mem::take(&mut self.part))?);
-            }
-            if self.at.is_multiple_of(2 * self.quarter) {
-                self.scatter.add_half(&join(std::mem::take(&mut self.half))?);
-            }
+            self.end_parts()?;
+        }
+        Ok(())
+    }
+
+    /// Gives the part and the half that are open what is theirs of readouts that lie in a gap or not.
+    fn push_part(&mut self, now: Packed<'_>, kept: bool) -> Result<()> {
+        if self.at.is_multiple_of(self.quarter) {
+            self.part = bands(self.geometry, &self.options, false)?;
+        }
+        if self.at.is_multiple_of(2 * self.quarter) {
+            self.half = bands(self.geometry, &self.options, false)?;
+        }
+        if kept {
+            push(&mut self.part, now)?;
+        }
+        // The first gap of a half is within it.
+        if kept || (self.at / self.quarter).is_multiple_of(2) {
+            push(&mut self.half, now)?;
+        }
+        Ok(())
+    }
+
+    fn end_parts(&mut self) -> Result<()> {
+        if self.at.is_multiple_of(self.quarter) {
+            self.scatter.add_quarter(&join(std::mem::take(&mut self.part))?);
+        }
+        if self.at.is_multiple_of(2 * self.quarter) {
+            self.scatter.add_half(&join(std::mem::take(&mut self.half))?);
         }
         Ok(())
     }

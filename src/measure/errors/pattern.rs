@@ -3,7 +3,7 @@
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 
-use super::clusters::{clustered, widened};
+use super::clusters::{clustered, widened, widened_root};
 use super::values::mean;
 use crate::measure::maps::{line_excess, line_structure};
 use crate::measure::{
@@ -169,7 +169,7 @@ fn total_spread(rates: &[f64], width: usize) -> f64 {
     };
     let square = of_lines(&lines.rows) + of_lines(&lines.columns) + (power(4) - power(2).powi(2)) / count;
     let total = variance(rates);
-    widened(square.sqrt(), 2.0 * total * total / square)
+    widened_root(square.sqrt(), 2.0 * total * total / square)
 }
 
 /// Error of the square of a robust spread: a pixel moves it by `2.33 / pixels` of the deviation one way or the other, as it lies beyond the
@@ -180,7 +180,8 @@ fn local_spread(rough: &[f64], width: usize, centre: f64, sd: f64) -> f64 {
     let side: Vec<f64> = rough.iter().map(|x| if x.is_finite() { beyond(x) } else { f64::NAN }).collect();
     let count = side.iter().filter(|x| x.is_finite()).count() as f64;
     let Some(found) = clustered(&side, width) else { return f64::NAN };
-    2.0 * sd * widened(2.33 * sd * found.variance.sqrt() / count, found.freedom)
+    let error = 2.0 * 2.33 * sd * sd * found.variance.sqrt() / count;
+    widened_root(error, found.freedom.min(2.0 * sd.powi(4) / (error * error)))
 }
 
 /// By how much the high-pass makes lines count less than their number. Of independent lines its box of five leaves

@@ -1,6 +1,7 @@
 //! From differences of parts to the error of the whole.
 
 use super::clusters::{clustered, widened};
+use super::parts::{half_readouts, quarter_readouts};
 use super::values::{Quantity, mean};
 use crate::measure::Statistics;
 use crate::spikes::Geometry;
@@ -30,13 +31,15 @@ struct Of {
 #[derive(Clone, Debug)]
 pub(super) struct Scatter {
     geometry: Geometry,
+    /// Readouts of the whole, of a half and of a quarter.
+    readouts: [f64; 3],
     all: Vec<Of>,
     /// Rates by time of the halves.
     pub(super) rates: Vec<Vec<f64>>,
 }
 
 impl Scatter {
-    pub(super) fn new(quantities: Vec<Quantity>, geometry: Geometry) -> Self {
+    pub(super) fn new(quantities: Vec<Quantity>, geometry: Geometry, readouts: usize) -> Self {
         let of = |quantity| Of {
             quantity,
             quarter: Vec::new(),
@@ -45,7 +48,13 @@ impl Scatter {
             squares: (0.0, 0),
             quarters: Vec::new(),
         };
-        Self { geometry, all: quantities.into_iter().map(of).collect(), rates: Vec::new() }
+        let parts = [readouts, half_readouts(readouts), quarter_readouts(readouts)];
+        Self {
+            geometry,
+            readouts: parts.map(|n| n.max(1) as f64),
+            all: quantities.into_iter().map(of).collect(),
+            rates: Vec::new(),
+        }
     }
 
     pub(super) fn add_quarter(&mut self, statistics: &Statistics) {
@@ -83,11 +92,11 @@ impl Scatter {
     /// What another recording by the same sensor would scatter by, for a statistic over `pixels` pixels; `None` where the parts
     /// are too short to tell.
     ///
-    /// The variance over the whole follows from those over a half and over a quarter, which tell by which power of the
-    /// length it falls: between the first (independent intervals) and the second (phases at both ends).
+    /// The variance over the whole follows from those over a half and over a quarter, which tell its two parts: `a / T` of independent
+    /// intervals and `b / T^2` of the phases at both ends.
     pub(super) fn error(&self, quantity: Quantity, pixels: usize) -> Option<f64> {
         let of = self.all.iter().find(|of| of.quantity == quantity)?;
-        let (whole, known) = variance(of, pixels)?;
+        let (whole, known) = self.variance(of, pixels)?;
         let together = clustered(&of.difference, self.geometry.width())?;
         let scaled = whole / known as f64 * together.excess;
         let error = widened(scaled.sqrt(), together.freedom);
@@ -104,7 +113,7 @@ impl Scatter {
     /// the whole's scatter. NaN where nothing is known. Empty when the parts are too short.
     pub(super) fn sample(&self, quantity: Quantity, pixels: usize) -> Vec<f64> {
         let found = self.all.iter().find(|of| of.quantity == quantity);
-        let Some((of, (whole, known))) = found.and_then(|of| Some((of, variance(of, pixels)?))) else {
+        let Some((of, (whole, known))) = found.and_then(|of| Some((of, self.variance(of, pixels)?))) else {
             return Vec::new();
         };
         let halves =
@@ -112,18 +121,21 @@ impl Scatter {
         let scale = if halves > 0.0 { (whole / halves).sqrt() } else { 0.0 };
         of.difference.iter().map(|x| x * scale).collect()
     }
-}
 
-/// Mean variance of a pixel's part in the whole, and of how many pixels it is known.
-fn variance(of: &Of, pixels: usize) -> Option<(f64, usize)> {
-    let known = of.difference.iter().filter(|x| x.is_finite()).count();
-    // Two pairs of quarters; nine tenths of the pixels must tell.
-    if known < LEAST || 10 * known < 9 * pixels || 10 * of.squares.1 < 18 * pixels {
-        return None;
+    /// Mean variance of a pixel's part in the whole, and of how many pixels it is known.
+    fn variance(&self, of: &Of, pixels: usize) -> Option<(f64, usize)> {
+        let known = of.difference.iter().filter(|x| x.is_finite()).count();
+        // Two pairs of quarters; nine tenths of the pixels must tell.
+        if known < LEAST || 10 * known < 9 * pixels || 10 * of.squares.1 < 18 * pixels {
+            return None;
+        }
+        let half =
+            of.difference.iter().filter(|x| x.is_finite()).map(|x| x * x).sum::<f64>() / (2.0 * known as f64);
+        let quarter = of.squares.0 / (2.0 * of.squares.1 as f64);
+        let [whole, of_half, of_quarter] = self.readouts;
+        // Of intervals and of ends, both times the length; neither is negative.
+        let (long, short) = (half * of_half, quarter * of_quarter);
+        let ends = ((short - long) / (1.0 / of_quarter - 1.0 / of_half)).clamp(0.0, long * of_half);
+        Some(((long + ends * (1.0 / whole - 1.0 / of_half)) / whole, known))
     }
-    let half =
-        of.difference.iter().filter(|x| x.is_finite()).map(|x| x * x).sum::<f64>() / (2.0 * known as f64);
-    let quarter = of.squares.0 / (2.0 * of.squares.1 as f64);
-    let fall = if half > 0.0 { (quarter / half).clamp(2.0, 4.0) } else { 4.0 };
-    Some((half / fall, known))
 }

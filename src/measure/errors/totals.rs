@@ -2,7 +2,7 @@
 
 use realfft::RealFftPlanner;
 
-use super::clusters::widened;
+use super::clusters::widened_square;
 
 /// Standard error of the variance of `totals`, in spikes squared.
 ///
@@ -34,7 +34,7 @@ pub(in crate::measure) fn variance_error(totals: &[u32]) -> f64 {
     if square == 0.0 {
         return 0.0;
     }
-    widened(square.sqrt(), 2.0 * variance * variance / square)
+    widened_square(square.sqrt(), 2.0 * variance * variance / square)
 }
 
 #[cfg(test)]
