@@ -2,13 +2,10 @@
 
 Spike-Zoo (0.2.3) wants a dataset class and a configuration. Put this file beside your script and:
 
-    from spikezoo.pipeline import TrainPipeline, TrainPipelineConfig
     config = ZooConfig(clips=clips, camera=camera)
-    pipeline = TrainPipeline(TrainPipelineConfig(epochs=10), "bsf", config)
-    for epoch in range(10):
-        pipeline.train_dataset.set_epoch(epoch)
-        ...
+    TrainPipeline(TrainPipelineConfig(epochs=10), "bsf", config).train()
 
+`spikezoo_train.py` is that as a program, with a new epoch of streams for every epoch of the loop.
 Without Spike-Zoo the class is the same over torch's Dataset.
 """
 
