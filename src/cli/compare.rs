@@ -5,7 +5,10 @@ use std::path::PathBuf;
 use clap::Args as ClapArgs;
 
 use crate::calibrate::RecordingSet;
-use crate::compare::{CameraDistance, MODELS, SceneComparison, SceneRow, grey_levels, static_scene};
+use crate::compare::{
+    CameraDistance, MODELS, RealismOptions, RealismRow, SceneComparison, SceneRow, Window, grey_levels,
+    realism, static_scene,
+};
 use crate::draws::Seeds;
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
@@ -31,9 +34,23 @@ pub struct Args {
     camera: Vec<String>,
     #[command(flatten)]
     stream: StreamArgs,
-    /// Longest simulation of a level, in readouts.
+    /// Longest simulation, in readouts: of a level, or of a recording
     #[arg(long, default_value_t = 2000)]
     longest: usize,
+    /// Ask whether a discriminator tells simulated windows from real ones, and by what
+    #[arg(long)]
+    realism: bool,
+    /// With --realism: side in pixels and readouts of a window
+    #[arg(long, value_name = "SIDE,READOUTS", default_value = "32,100", requires = "realism",
+          value_parser = window)]
+    window: Window,
+    /// With --realism: only rows from FROM up to TO of the upright picture
+    #[arg(long, value_name = "FROM..TO", requires = "realism", value_parser = rows)]
+    rows: Option<std::ops::Range<usize>>,
+    /// With --realism: recordings simulated by each camera
+    #[arg(long, value_name = "N", default_value_t = 10, requires = "realism",
+          value_parser = clap::value_parser!(u16).range(2..))]
+    simulated: u16,
     #[command(flatten)]
     seeds: SeedArgs,
     /// Folder for comparison.json and comparison.html.
@@ -49,13 +66,23 @@ pub struct Args {
 /// # Errors
 /// When an input is bad, or a file cannot be written.
 pub fn run(args: &Args, out: &Out) -> Result<()> {
-    refuse_existing(&args.output, &["comparison.json", "comparison.html"], args.force)?;
+    refuse_existing(&args.output, &["comparison.json", "comparison.html", "features.csv"], args.force)?;
     let given = args.named.iter().chain(&args.camera).map(String::as_str);
     let names: Vec<&str> = if given.clone().next().is_none() { MODELS.to_vec() } else { given.collect() };
     let cameras = names.into_iter().map(presets::load).collect::<Result<Vec<_>>>()?;
     let seeds = args.seeds.seeds();
     let is_set = args.measured.extension().is_some_and(|e| e == "toml");
-    let found = if is_set { grey(args, &cameras, seeds, out)? } else { still(args, &cameras, seeds, out)? };
+    let found = match (is_set, args.realism) {
+        (true, false) => grey(args, &cameras, seeds, out)?,
+        (false, false) => still(args, &cameras, seeds, out)?,
+        (false, true) => windows(args, &cameras, seeds, out)?,
+        (true, true) => {
+            return Err(Error::new(Kind::Usage, args.measured.display())
+                .found("a recording set")
+                .expected("one recording of a scene for --realism")
+                .remedy("give a stream of the set, or leave --realism out"));
+        }
+    };
     std::fs::create_dir_all(&args.output).map_err(|e| Error::io(args.output.display(), e))?;
     let put = |name: &str, text: &str| {
         let path = args.output.join(name);
@@ -63,11 +90,14 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     };
     let json_error = |e| Error::new(Kind::Config, "comparison").found(e);
     let all = serde_json::to_string_pretty(&found.all).map_err(json_error)?;
-    let files = [put("comparison.json", &all)?, put("comparison.html", &found.page)?];
+    let mut files = vec![put("comparison.json", &all)?, put("comparison.html", &found.page)?];
+    if let Some(features) = &found.features {
+        files.push(put("features.csv", features)?);
+    }
     let mut summary = found.summary;
     summary["event"] = json!("done");
     summary["files"] = json!(files);
-    out.result(&summary, &format!("{}{}\n{}\n", found.text, files[0], files[1]))
+    out.result(&summary, &format!("{}{}\n", found.text, files.join("\n")))
 }
 
 /// What a comparison leaves: everything, the page, and the distances as JSON and as text.
@@ -76,6 +106,8 @@ struct Found {
     page: String,
     summary: Value,
     text: String,
+    /// Windows as a table for other discriminators.
+    features: Option<String>,
 }
 
 fn to_value(found: &impl serde::Serialize) -> Result<Value> {
@@ -103,6 +135,7 @@ fn grey(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<Foun
         page: found.page()?,
         summary: json!({"models": models, "floor": floor}),
         text,
+        features: None,
     })
 }
 
@@ -136,5 +169,61 @@ fn still(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<Fou
     text += &format!("{}\n{}", bands(&found), found.verdict());
     text.push('\n');
     let summary = json!({"pixels": found.pixels, "mean_rate": found.mean_rate, "floor": found.floor, "models": models, "verdict": found.verdict()});
-    Ok(Found { all: to_value(&found)?, page: found.page()?, summary, text })
+    Ok(Found { all: to_value(&found)?, page: found.page()?, summary, text, features: None })
+}
+
+/// Windows of the recording and of every camera, told apart.
+fn windows(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<Found> {
+    let options = RealismOptions {
+        window: args.window,
+        simulated: usize::from(args.simulated),
+        longest: args.longest,
+        rows: args.rows.clone(),
+        seeds,
+    };
+    let recording = args.stream.open(&args.measured, out)?;
+    let mut progress = Files::new(out);
+    let found = realism(&recording, cameras, &options, &mut |name, share| progress.step(name, share))?;
+    drop(progress);
+    let mut text = format!(
+        "{} windows at {} places, mean rate {:.4}; {:.1} % of the pixels left out\n",
+        found.windows,
+        found.places,
+        found.rate,
+        100.0 * found.left_out
+    );
+    let mut row = |r: &RealismRow| {
+        let tell = r.tells.first().map_or("", |t| t.name.as_str());
+        text += &format!(
+            "{:<14} told {:.3} ({:.2} to {:.2}), floor {:.3}; most by {tell}\n",
+            r.name, r.auc.value, r.auc.low, r.auc.high, r.floor.value
+        );
+        json!({"name": r.name, "auc": r.auc, "floor": r.floor, "decided": r.is_decided(), "tell": tell})
+    };
+    let models: Vec<Value> = found.rows.iter().map(&mut row).collect();
+    text += &found.verdict();
+    text.push('\n');
+    let summary = json!({
+        "windows": found.windows, "places": found.places, "rate": found.rate, "left_out": found.left_out,
+        "models": models, "verdict": found.verdict(),
+    });
+    let (page, features) = (found.page()?, Some(found.features.clone()));
+    Ok(Found { all: to_value(&found)?, page, summary, text, features })
+}
+
+/// `SIDE,READOUTS`.
+fn window(text: &str) -> std::result::Result<Window, String> {
+    let parsed = text.split_once(',').and_then(|(side, readouts)| {
+        Some(Window { side: side.trim().parse().ok()?, readouts: readouts.trim().parse().ok()? })
+    });
+    parsed.filter(|w| w.side >= 4 && w.readouts >= 20).ok_or_else(|| {
+        format!("`{text}`: give SIDE,READOUTS with 4 pixels and 20 readouts or more, such as 32,100")
+    })
+}
+
+/// `FROM..TO`.
+fn rows(text: &str) -> std::result::Result<std::ops::Range<usize>, String> {
+    let parsed =
+        text.split_once("..").and_then(|(from, to)| Some(from.trim().parse().ok()?..to.trim().parse().ok()?));
+    parsed.filter(|r| r.start < r.end).ok_or_else(|| format!("`{text}`: give FROM..TO, such as 100..180"))
 }

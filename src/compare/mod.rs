@@ -2,16 +2,18 @@
 //!
 //! [`grey_levels`] compares the response over uniform levels and the interval histograms of
 //! single levels; [`static_scene`] compares temporal noise with one recording of an unknown
-//! static scene.
+//! static scene. [`realism`] asks whether a discriminator tells a camera's recordings from a real one.
 
 mod areas;
 mod grey;
 mod grey_page;
+mod realism;
 mod scene;
 mod scene_page;
 
 pub use areas::Area;
 pub use grey::{CameraDistance, Floor, GreyComparison, grey_levels};
+pub use realism::{Auc, Part, Realism, RealismOptions, RealismRow, Tell, Window, realism};
 pub use scene::{SceneComparison, SceneRow, static_scene};
 
 /// The models that the paper compares, and this crate's own.

@@ -9,7 +9,7 @@ use crate::error::{Error, Kind, Result};
 use crate::formats::Reader;
 use crate::measure::{Accumulator, Estimate, Options, Statistics, box_means, of_stream, select_smooth};
 use crate::simulate::{FrameRef, Simulator};
-use crate::spikes::Packed;
+use crate::spikes::{Geometry, Packed};
 
 pub(super) const LAGS: [u32; 5] = [1, 8, 16, 24, 32];
 
@@ -17,7 +17,7 @@ pub(super) const LAGS: [u32; 5] = [1, 8, 16, 24, 32];
 const BATCH: usize = 496;
 
 /// Readouts simulated before the ones that are measured.
-const LEAD: usize = 200;
+pub(super) const LEAD: usize = 200;
 
 /// Half side of the surroundings that decide whether a pixel lies in a static area.
 const RADIUS: usize = 5;
@@ -173,16 +173,8 @@ pub(super) fn row(name: &str, statistics: &Statistics, pixels: &[usize]) -> Scen
     }
 }
 
-/// The model's temporal noise at the measured rates.
-fn simulate(
-    camera: &Camera,
-    rates: &[f64],
-    readouts: usize,
-    recording: &Reader,
-    options: &Options,
-    seeds: Seeds,
-) -> Result<Statistics> {
-    let geometry = recording.geometry();
+/// A camera of that size without its fixed pattern: measured rates hold the real camera's own.
+pub(super) fn without_pattern(camera: &Camera, geometry: Geometry) -> Result<Camera> {
     let mut flat = camera.clone();
     flat.sensor.geometry = geometry;
     flat.maps = Maps::default();
@@ -193,6 +185,20 @@ fn simulate(
             spread => flat.without(spread),
         };
     }
+    Ok(flat)
+}
+
+/// The model's temporal noise at the measured rates.
+fn simulate(
+    camera: &Camera,
+    rates: &[f64],
+    readouts: usize,
+    recording: &Reader,
+    options: &Options,
+    seeds: Seeds,
+) -> Result<Statistics> {
+    let geometry = recording.geometry();
+    let flat = without_pattern(camera, geometry)?;
     let samples: Vec<f32> = rates.iter().map(|r| flat.operating(*r).light.clamp(0.0, 1.0) as f32).collect();
     // A pixel without a rate stays dark.
     let samples: Vec<f32> = samples.into_iter().map(|s| if s.is_finite() { s } else { 0.0 }).collect();

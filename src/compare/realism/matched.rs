@@ -1,0 +1,63 @@
+//! A camera in the light of a recording.
+
+use rayon::prelude::*;
+
+use super::times::{Line, Times};
+use crate::compare::scene::{LEAD, without_pattern};
+use crate::draws::pattern::Pattern;
+use crate::draws::{Seeds, Stream};
+use crate::effects::Camera;
+use crate::error::Result;
+use crate::simulate::{FrameRef, Simulator};
+use crate::spikes::Geometry;
+
+/// A camera without its own fixed pattern, and light that gives every pixel its measured rate.
+pub(super) struct Matched<'a> {
+    camera: Camera,
+    lines: &'a [Line],
+    geometry: Geometry,
+    readouts: usize,
+    /// By what all light is multiplied, once, so that mean rates agree.
+    scale: f64,
+}
+
+impl<'a> Matched<'a> {
+    /// Finds the scale: rates about the light of one simulation.
+    pub(super) fn new(camera: &Camera, lines: &'a [Line], real: &Times, seeds: Seeds) -> Result<Self> {
+        let camera = without_pattern(camera, real.geometry)?;
+        let mut matched =
+            Self { camera, lines, geometry: real.geometry, readouts: real.readouts, scale: 1.0 };
+        let found = matched.simulate(seeds)?;
+        let spikes = |times: &Times| -> usize {
+            (0..lines.len()).filter(|p| lines[*p].rate.is_finite()).map(|p| times.of_pixel(p).len()).sum()
+        };
+        matched.scale = spikes(real) as f64 / spikes(&found).max(1) as f64;
+        Ok(matched)
+    }
+
+    /// One recording by the camera. Every rate is dithered by its own error: without it pixels sit on exact periods.
+    pub(super) fn simulate(&self, seeds: Seeds) -> Result<Times> {
+        let dither = Pattern::new(seeds, Stream::named("realism dither")).normals();
+        let light = |(line, by): (&Line, f64)| {
+            let rate = line.rate + line.error * by;
+            let light = self.camera.operating(rate).light * self.scale;
+            // A pixel without a rate stays dark.
+            if light.is_finite() { light.clamp(0.0, 1.0) as f32 } else { 0.0 }
+        };
+        let samples: Vec<f32> = self.lines.iter().zip(dither).map(light).collect();
+        let mut simulator = Simulator::new(&self.camera, seeds)?;
+        let frame = FrameRef::f32(&samples, self.geometry);
+        let bytes = self.geometry.frame_bytes();
+        // Models that start with all pixels in step need time to lose it, as the real camera had.
+        simulator.push(frame, &mut vec![0; LEAD * bytes])?;
+        let mut packed = vec![0; self.readouts * bytes];
+        simulator.push(frame, &mut packed)?;
+        Times::of_packed(self.geometry, &packed)
+    }
+
+    /// As many recordings as asked for, each with a shot seed of its own.
+    pub(super) fn recordings(&self, count: usize, seeds: Seeds) -> Result<Vec<Times>> {
+        let one = |k| self.simulate(Seeds { shot: seeds.shot + 1 + k, ..seeds });
+        (0..count as u64).into_par_iter().map(one).collect()
+    }
+}
