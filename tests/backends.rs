@@ -44,7 +44,7 @@ fn frames(pixels: usize) -> impl Strategy<Value = Frames> {
 /// Whether plans with this effect leave the common bodies.
 fn is_further(definition: &'static effects::Definition) -> bool {
     let camera = Camera::ideal(Sensor::new(4, 4, 20_000.0).unwrap()).with(dark()).with(definition.typical());
-    Plan::with_light(&camera, Seeds::default(), 0.5).unwrap().further().is_some()
+    Plan::with_light(&camera, Seeds::default(), 0.5).unwrap().moving().is_some()
 }
 
 /// What telegraph noise needs to show.

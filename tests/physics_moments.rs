@@ -202,7 +202,7 @@ fn cells(definition: &Definition) -> f64 {
 fn is_further(definition: &'static Definition) -> bool {
     let dark = effects::find("dark_current").unwrap().typical();
     let camera = Camera::ideal(sensor(4, 4)).with(dark).with(definition.typical());
-    Plan::with_light(&camera, seeds(0), 0.5).unwrap().further().is_some()
+    Plan::with_light(&camera, seeds(0), 0.5).unwrap().moving().is_some()
 }
 
 /// Strengths that keep the brightest pixels of 25,000 below saturation.

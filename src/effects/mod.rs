@@ -9,11 +9,13 @@
 mod camera;
 pub mod circuit;
 pub mod definition;
+mod model;
 mod window;
 
-pub use camera::{Camera, Maps, Model, Phases};
+pub use camera::{Camera, Maps};
 pub use circuit::Circuit;
 pub use definition::{Definition, Effect, Moments, Operating, Param};
+pub use model::{Model, Phases};
 
 use crate::error::{Error, Kind, Result};
 

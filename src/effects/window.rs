@@ -1,6 +1,6 @@
 //! A part of a larger sensor: the pixels, columns and rows of that place.
 
-use crate::effects::{Camera, Model};
+use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
 use crate::spikes::{Crop, Geometry};
 
@@ -52,29 +52,5 @@ impl Camera {
     #[must_use]
     pub fn place(&self) -> Option<Crop> {
         self.window.map(|(_, crop)| crop)
-    }
-}
-
-impl Model {
-    /// The pixels of `crop`, which lies within this model's sensor.
-    pub(super) fn window(mut self, crop: Crop) -> Self {
-        let circuit = &mut self.circuit;
-        let of = circuit.geometry;
-        let columns = [
-            &mut circuit.capacitance_ff,
-            &mut circuit.swing_v,
-            &mut circuit.gain,
-            &mut circuit.dark_pa,
-            &mut circuit.telegraph,
-        ];
-        for column in columns {
-            if !column.is_empty() {
-                *column = crop.pick(of, column);
-            }
-        }
-        if let Ok(geometry) = crop.geometry(of) {
-            circuit.geometry = geometry;
-        }
-        self
     }
 }

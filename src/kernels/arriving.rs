@@ -5,53 +5,53 @@ use crate::kernels::lanes::Lanes;
 use crate::kernels::lingering::Lingering;
 use crate::kernels::pixels::Constants;
 use crate::kernels::{Job, Samples, rare};
-use crate::plan::Further;
+use crate::plan::Moving;
 
 /// Light of a frame after it has spread to neighbours, in 1/255 of full scale.
 #[inline(always)]
 pub(super) fn optics<L: Lanes>(
     l: L,
     job: &Job<'_>,
-    further: &Further,
+    moving: &Moving,
     samples: Samples<'_>,
     p: usize,
 ) -> L::Float {
     let own = sample(l, samples, p);
-    if further.crosstalk == 0.0 {
+    if moving.crosstalk == 0.0 {
         return own;
     }
     let geometry = job.plan.geometry();
     let around = l.load_f(&around(samples, p, geometry.width(), geometry.pixels()), 0);
     let gained = l.sub_f(around, l.mul_f(own, l.splat_f(4.0)));
-    l.add_f(own, l.mul_f(gained, l.splat_f(further.crosstalk * 0.25)))
+    l.add_f(own, l.mul_f(gained, l.splat_f(moving.crosstalk * 0.25)))
 }
 
 /// Light of a frame as it falls on the pixels, in 1/255 of full scale.
 #[inline(always)]
 pub(super) fn fallen<L: Lanes>(l: L, job: &Job<'_>, samples: Samples<'_>, p: usize) -> L::Float {
-    match job.plan.further() {
+    match job.plan.moving() {
         None => sample(l, samples, p),
-        Some(further) => optics(l, job, further, samples, p),
+        Some(moving) => optics(l, job, moving, samples, p),
     }
 }
 
 /// Fallen light cut off at the brightest that the plan holds, as it acts where it does not change with the readout.
 #[inline(always)]
 pub(super) fn acting<L: Lanes>(l: L, job: &Job<'_>, light: L::Float, unbounded: bool) -> L::Float {
-    let further = job.plan.further();
+    let moving = job.plan.moving();
     // Sums of neighbours' light are rounded.
-    let light = cut_off(l, job.plan.rules().greatest_light, light, unbounded || further.is_some());
-    further.map_or(light, |further| bent(l, further, light))
+    let light = cut_off(l, job.plan.rules().greatest_light, light, unbounded || moving.is_some());
+    moving.map_or(light, |moving| bent(l, moving, light))
 }
 
 /// Light after the response's curvature.
 #[inline(always)]
-fn bent<L: Lanes>(l: L, further: &Further, light: L::Float) -> L::Float {
-    if further.quadratic == 0.0 {
+fn bent<L: Lanes>(l: L, moving: &Moving, light: L::Float) -> L::Float {
+    if moving.quadratic == 0.0 {
         return light;
     }
-    let light = l.min_f(light, l.splat_f(further.peak));
-    l.add_f(light, l.mul_f(l.mul_f(light, light), l.splat_f(further.quadratic)))
+    let light = l.min_f(light, l.splat_f(moving.peak));
+    l.add_f(light, l.mul_f(l.mul_f(light, light), l.splat_f(moving.quadratic)))
 }
 
 /// Sum of the four neighbours' light of 32 pixels from `first` on; a missing neighbour is the pixel itself.
@@ -77,17 +77,17 @@ fn around(samples: Samples<'_>, first: usize, width: usize, pixels: usize) -> [f
 pub(super) fn seen<L: Lanes>(
     l: L,
     job: &Job<'_>,
-    further: &Further,
+    moving: &Moving,
     t: usize,
     light: L::Float,
     lingering: &mut Lingering<L>,
 ) -> L::Float {
     let mut light = cut_off(l, job.plan.rules().greatest_light, light, true);
-    if further.schedule.is_some() {
+    if moving.schedule.is_some() {
         light = l.mul_f(light, l.splat_f(job.batch.modulation().factors[t]));
     }
-    light = bent(l, further, light);
-    let Some(lag) = further.lag else { return light };
+    light = bent(l, moving, light);
+    let Some(lag) = moving.lag else { return light };
     let late = lingering.late;
     lingering.late = l.add_f(late, l.mul_f(l.sub_f(light, late), l.splat_f(lag.arriving)));
     l.add_f(light, l.mul_f(l.sub_f(late, light), l.splat_f(lag.fraction)))
@@ -98,13 +98,13 @@ pub(super) fn seen<L: Lanes>(
 pub(super) fn switched<L: Lanes>(
     l: L,
     job: &Job<'_>,
-    further: &Further,
+    moving: &Moving,
     c: &Constants<L>,
     dark: L::Float,
     t: usize,
     lingering: &mut Lingering<L>,
 ) -> L::Float {
-    let Some(switch) = &further.telegraph else { return dark };
+    let Some(switch) = &moving.telegraph else { return dark };
     let switches = rare::below(l, c.pair_keys, &job.batch.modulation().telegraph, t, switch.rate);
     let change = l.select(switches, l.splat(-1), l.splat(0));
     lingering.low = l.xor(lingering.low, change);

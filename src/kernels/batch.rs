@@ -190,7 +190,7 @@ impl Rounds {
         // The lanes walk along both, whatever the plan holds, as soon as it holds any noise or bends light.
         let rules = plan.rules();
         let drawn = counted || plan.tables().noise.is_some();
-        let noisy = drawn || rules.surplus || rules.extras() || plan.further().is_some();
+        let noisy = drawn || rules.surplus || rules.extras() || plan.moving().is_some();
         let shot = words(clocks.shot, noisy).into_iter();
         let thermal = words(clocks.thermal, noisy);
         Self {

@@ -60,7 +60,7 @@ pub(super) use by_case;
 
 /// The case of a job.
 pub(super) fn case(job: &Job<'_>) -> u8 {
-    if job.plan.further().is_some_and(|further| !further.only_bends_light()) {
+    if job.plan.moving().is_some_and(|moving| !moving.only_bends_light()) {
         return CASES - 1;
     }
     let (tables, rules) = (job.plan.tables(), job.plan.rules());
@@ -78,7 +78,7 @@ pub(super) fn case(job: &Job<'_>) -> u8 {
         (false, false) => CLAMPED,
     };
     let bytes = job.batch.segments().iter().all(|(_, light)| matches!(light, Light::Held(Samples::U8(_))));
-    let bends = job.plan.further().is_some();
+    let bends = job.plan.moving().is_some();
     let whole = bytes && !tables.whole_gain.is_empty();
     match (tables.shot.is_some(), noise, store) {
         (true, Some(READOUT), CLAMPED) if extra => 8,
@@ -128,7 +128,7 @@ fn noisy<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool, const EXTR
         // Vectors that lie in the frames whole can be read without a thought for their end.
         let whole = (job.plan.geometry().pixels().saturating_sub(job.range().start)) / L::N * L::N;
         let whole = whole.min(job.pixels());
-        let rest = match pass.single.filter(|_| job.plan.further().is_none()) {
+        let rest = match pass.single.filter(|_| job.plan.moving().is_none()) {
             Some(Samples::U8(_)) => singles::<L, u8, NOISE, STORE, ANY>(l, job, &pass, whole, state, out),
             Some(Samples::U16(_)) => singles::<L, u16, NOISE, STORE, ANY>(l, job, &pass, whole, state, out),
             Some(Samples::F32(_)) => singles::<L, f32, NOISE, STORE, ANY>(l, job, &pass, whole, state, out),

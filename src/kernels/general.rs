@@ -15,24 +15,24 @@ use crate::kernels::modulation::Around;
 use crate::kernels::pixels::{Constants, Pixels};
 use crate::kernels::step::{hash, stays_below};
 use crate::kernels::{Job, Light, rare};
-use crate::plan::{Further, StateParts};
+use crate::plan::{Moving, StateParts};
 
-/// Runs a plan with further rules.
+/// Runs a plan with moving rules.
 #[inline(always)]
 pub(super) fn general<L: Lanes>(l: L, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-    let Some(further) = job.plan.further() else { return };
-    if further.couples() && job.batch.readouts() > 1 {
-        return together(l, job, further, state, out);
+    let Some(moving) = job.plan.moving() else { return };
+    if moving.couples() && job.batch.readouts() > 1 {
+        return together(l, job, moving, state, out);
     }
     let around = &job.batch.modulation().around;
     let bytes = job.tile_bytes();
     let mut at = 0;
     while at < job.pixels() {
-        let mut vector = Vector::load(l, job, further, state, at);
+        let mut vector = Vector::load(l, job, moving, state, at);
         for (readouts, light) in job.batch.segments() {
-            vector.see(l, job, further, light);
+            vector.see(l, job, moving, light);
             for (k, t) in readouts.clone().enumerate() {
-                let fired = vector.readout(l, job, further, t, weight(light, k), around);
+                let fired = vector.readout(l, job, moving, t, weight(light, k), around);
                 l.store_bits(&mut out[t * bytes..][..bytes], at / 8, fired);
             }
         }
@@ -43,25 +43,25 @@ pub(super) fn general<L: Lanes>(l: L, job: &Job<'_>, state: &mut StateParts<'_>,
 
 /// Pixels that act on each other: all vectors of the sensor at one readout after the other.
 #[inline(always)]
-fn together<L: Lanes>(l: L, job: &Job<'_>, further: &Further, state: &mut StateParts<'_>, out: &mut [u8]) {
+fn together<L: Lanes>(l: L, job: &Job<'_>, moving: &Moving, state: &mut StateParts<'_>, out: &mut [u8]) {
     let mut around = job.batch.modulation().around.clone();
     let bytes = job.tile_bytes();
     let mut vectors = Vec::with_capacity(job.pixels() / L::N);
     while vectors.len() < job.pixels() / L::N {
-        vectors.push(Vector::load(l, job, further, state, vectors.len() * L::N));
+        vectors.push(Vector::load(l, job, moving, state, vectors.len() * L::N));
     }
     for (readouts, light) in job.batch.segments() {
         for vector in &mut vectors {
-            vector.see(l, job, further, light);
+            vector.see(l, job, moving, light);
         }
         for (k, t) in readouts.clone().enumerate() {
             let (weight, bits) = (weight(light, k), &mut out[t * bytes..][..bytes]);
             for (i, vector) in vectors.iter_mut().enumerate() {
-                let fired = vector.readout(l, job, further, t, weight, &around);
+                let fired = vector.readout(l, job, moving, t, weight, &around);
                 l.store_bits(bits, i * L::N / 8, fired);
                 l.store(state.fired, i * L::N, vector.pixels.fired);
             }
-            around.follow(job.plan, further, state.fired);
+            around.follow(job.plan, moving, state.fired);
         }
     }
     for (i, vector) in vectors.iter().enumerate() {
@@ -95,13 +95,13 @@ struct Vector<L: Lanes> {
 
 impl<L: Lanes> Vector<L> {
     #[inline(always)]
-    fn load(l: L, job: &Job<'_>, further: &Further, state: &StateParts<'_>, at: usize) -> Self {
+    fn load(l: L, job: &Job<'_>, moving: &Moving, state: &StateParts<'_>, at: usize) -> Self {
         let p = job.range().start + at;
         let constants = Constants { clip: true, ..Constants::load(l, job, p) };
         Self {
             constants,
             dark: constants.dark,
-            moved: Moved::load(l, further, p),
+            moved: Moved::load(l, moving, p),
             pixels: Pixels::load(l, state, at),
             lingering: Lingering::load(l, state, at),
             start: l.splat_f(0.0),
@@ -118,13 +118,13 @@ impl<L: Lanes> Vector<L> {
 
     /// The light of a segment.
     #[inline(always)]
-    fn see(&mut self, l: L, job: &Job<'_>, further: &Further, light: &Light<'_>) {
+    fn see(&mut self, l: L, job: &Job<'_>, moving: &Moving, light: &Light<'_>) {
         let p = self.constants.p;
         (self.start, self.way) = match *light {
-            Light::Held(samples) => (optics(l, job, further, samples, p), l.splat_f(0.0)),
+            Light::Held(samples) => (optics(l, job, moving, samples, p), l.splat_f(0.0)),
             Light::Between { from, to, .. } => {
-                let start = optics(l, job, further, from, p);
-                (start, l.sub_f(optics(l, job, further, to, p), start))
+                let start = optics(l, job, moving, from, p);
+                (start, l.sub_f(optics(l, job, moving, to, p), start))
             }
         };
         self.ready = None;
@@ -136,20 +136,20 @@ impl<L: Lanes> Vector<L> {
         &mut self,
         l: L,
         job: &Job<'_>,
-        further: &Further,
+        moving: &Moving,
         t: usize,
         weight: Option<f32>,
         around: &Around,
     ) -> L::Mask {
-        let steady = weight.is_none() && !further.varies();
+        let steady = weight.is_none() && !moving.varies();
         if !steady || self.ready.is_none() {
             let light = match weight {
                 Some(weight) => l.add_f(self.start, l.mul_f(self.way, l.splat_f(weight))),
                 None => self.start,
             };
-            let light = seen(l, job, further, t, light, &mut self.lingering);
+            let light = seen(l, job, moving, t, light, &mut self.lingering);
             self.constants.dark =
-                switched(l, job, further, &self.constants, self.dark, t, &mut self.lingering);
+                switched(l, job, moving, &self.constants, self.dark, t, &mut self.lingering);
             let increment = Increment::new::<true, true>(l, &self.constants, light);
             let fine = if increment.any_fine { Fine::new(l, job, self.constants.p, light) } else { None };
             let below = job.plan.rules().surplus && !rare::needs_words(job) && fine.is_none();
@@ -161,7 +161,7 @@ impl<L: Lanes> Vector<L> {
         readout(
             l,
             job,
-            further,
+            moving,
             t,
             c,
             &self.moved,
@@ -186,11 +186,11 @@ struct Moved<L: Lanes> {
 
 impl<L: Lanes> Moved<L> {
     #[inline(always)]
-    fn load(l: L, further: &Further, p: usize) -> Self {
-        let row = l.load_words(&further.rows, p);
-        let (first, last) = (further.rows[p], further.rows[p + L::N - 1]);
+    fn load(l: L, moving: &Moving, p: usize) -> Self {
+        let row = l.load_words(&moving.rows, p);
+        let (first, last) = (moving.rows[p], moving.rows[p + L::N - 1]);
         let two_rows = (last - first < 2).then(|| (first as usize, l.greater_w(row, l.splat_w(first))));
-        Self { threshold: l.load_f(&further.threshold, p), row, sway: l.load(&further.sway, p), two_rows }
+        Self { threshold: l.load_f(&moving.threshold, p), row, sway: l.load(&moving.sway, p), two_rows }
     }
 
     /// Every pixel's number of those that are given for all rows. To choose between two is faster than to look each one up.
@@ -207,7 +207,7 @@ impl<L: Lanes> Moved<L> {
 fn readout<L: Lanes>(
     l: L,
     job: &Job<'_>,
-    further: &Further,
+    moving: &Moving,
     t: usize,
     c: &Constants<L>,
     moved: &Moved<L>,
@@ -216,23 +216,46 @@ fn readout<L: Lanes>(
     pixel: &mut Pixels<L>,
     lingering: &mut Lingering<L>,
 ) -> L::Mask {
-    if further.leak != 0.0 {
+    // What moves is taken apart, so that nothing of it is forgotten.
+    let Moving {
+        leak,
+        coupling,
+        adaptation,
+        // `optics`, `bent` and `seen` have these of the light,
+        crosstalk: _,
+        quadratic: _,
+        peak: _,
+        schedule: _,
+        lag: _,
+        // `switched` this of the dark current,
+        telegraph: _,
+        // `offsets` these of the threshold,
+        row_noise: _,
+        slow: _,
+        droop: _,
+        comparator: _,
+        // and `Moved` these of the pixels.
+        threshold: _,
+        sway: _,
+        rows: _,
+    } = moving;
+    if *leak != 0.0 {
         let stored = l.add_f(l.to_f(pixel.word(l)), moved.threshold);
-        let lost = fixed(l, l.mul_f(stored, l.splat_f(-further.leak)), true);
+        let lost = fixed(l, l.mul_f(stored, l.splat_f(-leak)), true);
         pixel.add_word(l, lost);
     }
     rare::gather_charge(l, job, t, c, increment, fine, pixel);
-    if further.coupling != 0.0 {
+    if *coupling != 0.0 {
         let count = l.to_f(l.widen(l.load(&around.neighbours, c.p)));
-        let given = l.mul_f(l.mul_f(count, l.splat_f(further.coupling)), moved.threshold);
+        let given = l.mul_f(l.mul_f(count, l.splat_f(*coupling)), moved.threshold);
         pixel.add_word(l, fixed(l, given, true));
     }
     if !job.plan.tables().ceiling.is_empty() {
         pixel.charge = l.min(pixel.charge, c.ceiling);
     }
     let words = rare::needs_words(job);
-    let fired = if further.moves_threshold() {
-        let offsets = offsets(l, job, further, t, c, moved, around.droop, lingering);
+    let fired = if moving.moves_threshold() {
+        let offsets = offsets(l, job, moving, t, c, moved, around.droop, lingering);
         if words {
             rare::compare_words(l, job, t, c, Some(offsets), pixel)
         } else {
@@ -243,10 +266,10 @@ fn readout<L: Lanes>(
     } else {
         rare::compare(l, job, t, c, below, pixel)
     };
-    if job.plan.rules().lost_increment != 0.0 || further.couples() {
+    if job.plan.rules().lost_increment != 0.0 || moving.couples() {
         pixel.fired = l.select(fired, l.splat(-1), l.splat(0));
     }
-    if let Some(adaptation) = further.adaptation {
+    if let Some(adaptation) = adaptation {
         let rise = select_f(l, fired, l.splat_f(adaptation.rise), l.splat_f(0.0));
         let fallen = l.mul_f(lingering.adapted, l.splat_f(adaptation.fall));
         let adapted = l.add_f(l.sub_f(lingering.adapted, fallen), rise);
@@ -260,7 +283,7 @@ fn readout<L: Lanes>(
 fn offsets<L: Lanes>(
     l: L,
     job: &Job<'_>,
-    further: &Further,
+    moving: &Moving,
     t: usize,
     c: &Constants<L>,
     moved: &Moved<L>,
@@ -269,28 +292,28 @@ fn offsets<L: Lanes>(
 ) -> (L::Word, Option<L::Word>) {
     let modulation = job.batch.modulation();
     let mut offset = l.splat_f(0.0);
-    if further.row_noise != 0.0 {
-        let height = further.height();
+    if moving.row_noise != 0.0 {
+        let height = moving.height();
         offset = moved.of_row(l, &modulation.rows[t * height..][..height]);
     }
-    if let Some(slow) = further.slow {
+    if let Some(slow) = moving.slow {
         let z = l.to_f(l.widen(l.gauss(hash(l, c.pair_keys, &modulation.slow[t]))));
         let kept = l.mul_f(lingering.slow, l.splat_f(slow.kept));
         let next = l.add_f(kept, l.mul_f(z, l.splat_f(slow.step)));
         lingering.slow = l.max_f(l.min_f(next, l.splat_f(slow.bound)), l.splat_f(-slow.bound));
         offset = l.add_f(offset, lingering.slow);
     }
-    if further.adaptation.is_some() {
+    if moving.adaptation.is_some() {
         offset = l.add_f(offset, lingering.adapted);
     }
-    if further.droop != 0.0 {
+    if moving.droop != 0.0 {
         offset = l.add_f(offset, l.splat_f(droop));
     }
     let offset = fixed(l, l.mul_f(offset, moved.threshold), true);
-    if further.comparator == 0.0 {
+    if moving.comparator == 0.0 {
         return (offset, None);
     }
     let z = l.to_f(l.widen(l.gauss(hash(l, c.pair_keys, &modulation.comparator[t]))));
-    let only = l.mul_f(l.mul_f(z, l.splat_f(further.comparator)), moved.threshold);
+    let only = l.mul_f(l.mul_f(z, l.splat_f(moving.comparator)), moved.threshold);
     (offset, Some(fixed(l, only, true)))
 }

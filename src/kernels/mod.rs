@@ -36,8 +36,6 @@ mod pixels;
 mod portable;
 mod rare;
 pub mod reference;
-mod reference_further;
-mod reference_reset;
 mod shorts;
 mod step;
 mod wide_lanes;

@@ -2,7 +2,7 @@
 
 use crate::draws::gauss;
 use crate::draws::hash::{Clock, Round, bits, half, key};
-use crate::plan::{Further, Plan, State};
+use crate::plan::{Moving, Plan, State};
 
 /// Factors, offsets and hash words; each is empty unless the plan asks for it.
 #[derive(Clone, Debug, Default)]
@@ -34,58 +34,58 @@ pub struct Around {
 
 impl Modulation {
     pub(super) fn new(plan: &Plan, first: u64, readouts: usize) -> Self {
-        let Some(further) = plan.further() else { return Self::default() };
+        let Some(moving) = plan.moving() else { return Self::default() };
         let clocks = plan.clocks();
         let words = |clock: Clock, wanted: bool| -> Vec<Round> {
             let count = if wanted { readouts as u64 } else { 0 };
             (0..count).map(|t| clock.round(first.wrapping_add(t))).collect()
         };
-        let row = words(clocks.row, further.row_noise != 0.0);
-        let factors = further.schedule.map(|schedule| {
+        let row = words(clocks.row, moving.row_noise != 0.0);
+        let factors = moving.schedule.map(|schedule| {
             let factor = |t| schedule.factor(first.wrapping_add(t)) as f32;
             (0..readouts as u64).map(factor).collect()
         });
         Self {
             factors: factors.unwrap_or_default(),
-            rows: row.iter().flat_map(|round| rows(further, *round)).collect(),
+            rows: row.iter().flat_map(|round| rows(moving, *round)).collect(),
             row,
-            comparator: words(clocks.comparator, further.comparator != 0.0),
-            slow: words(clocks.slow, further.slow.is_some()),
-            telegraph: clocks.telegraph.map(|clock| words(clock, further.telegraph.is_some())),
+            comparator: words(clocks.comparator, moving.comparator != 0.0),
+            slow: words(clocks.slow, moving.slow.is_some()),
+            telegraph: clocks.telegraph.map(|clock| words(clock, moving.telegraph.is_some())),
             ..Self::default()
         }
     }
 
     /// Adds what the spikes of the readout before do to the next.
     pub(super) fn couple(&mut self, plan: &Plan, state: &State) {
-        let Some(further) = plan.further().filter(|f| f.couples()) else { return };
-        self.around.follow(plan, further, &state.fired);
+        let Some(moving) = plan.moving().filter(|f| f.couples()) else { return };
+        self.around.follow(plan, moving, &state.fired);
     }
 }
 
 impl Around {
     /// Looks at the spikes of a readout (-1 is one), padded.
     #[inline(always)]
-    pub(super) fn follow(&mut self, plan: &Plan, further: &Further, fired: &[i16]) {
+    pub(super) fn follow(&mut self, plan: &Plan, moving: &Moving, fired: &[i16]) {
         let geometry = plan.geometry();
         let padded = fired.len();
         let fired = &fired[..geometry.pixels()];
-        if further.droop != 0.0 {
+        if moving.droop != 0.0 {
             let spikes: i32 = fired.iter().map(|&f| -i32::from(f)).sum();
-            self.droop = -(further.droop * (spikes as f32 / geometry.pixels() as f32));
+            self.droop = -(moving.droop * (spikes as f32 / geometry.pixels() as f32));
         }
-        if further.coupling != 0.0 {
+        if moving.coupling != 0.0 {
             self.neighbours.resize(padded, 0);
             count_neighbours(fired, geometry.width(), &mut self.neighbours[..geometry.pixels()]);
         }
     }
 }
 
-fn rows(further: &Further, round: Round) -> impl Iterator<Item = f32> {
+fn rows(moving: &Moving, round: Round) -> impl Iterator<Item = f32> {
     let offset = move |row: usize| {
-        f32::from(gauss::unit(half(bits(key(row as u32 / 2), round), row))) * further.row_noise
+        f32::from(gauss::unit(half(bits(key(row as u32 / 2), round), row))) * moving.row_noise
     };
-    (0..further.height()).map(offset)
+    (0..moving.height()).map(offset)
 }
 
 /// How many of the pixels above, below, left and right have fired (-1 is a spike).

@@ -2,7 +2,7 @@
 
 use crate::kernels::Job;
 use crate::kernels::lanes::Lanes;
-use crate::plan::{NoiseTable, StateParts};
+use crate::plan::{NoiseTable, Rules, StateParts, Tables};
 
 /// The high and the low half of a word.
 pub(super) type Halves<L> = (<L as Lanes>::Half, <L as Lanes>::Half);
@@ -157,31 +157,44 @@ impl<L: Lanes> Constants<L> {
 
     #[inline(always)]
     pub fn load(l: L, job: &Job<'_>, p: usize) -> Self {
-        let (tables, rules) = (job.plan.tables(), job.plan.rules());
+        // What a plan says is taken apart, so that nothing of it is forgotten.
+        let Tables { threshold, pair_keys, gain, whole_gain, dark, ceiling, shot, noise } = job.plan.tables();
+        let Rules {
+            lost_increment,
+            extra_thresholds,
+            clip,
+            // These choose the case, or are asked at readouts.
+            redraw: _,
+            surplus: _,
+            kept_remainder: _,
+            lost_remainder: _,
+            flip: _,
+            greatest_light: _,
+        } = *job.plan.rules();
         let none = l.splat_f(0.0);
-        let (whole_from, slope, offset) = match &tables.shot {
+        let (whole_from, slope, offset) = match shot {
             Some(s) => (l.load_f(&s.whole_from, p), l.load_f(&s.slope, p), l.load_f(&s.offset, p)),
             None => (none, none, none),
         };
         Self {
             p,
-            threshold: l.load(&tables.threshold, p),
-            ceiling: optional(l, &tables.ceiling, p),
-            pair_keys: l.load_pairs(&tables.pair_keys, p / 2),
-            noise: match &tables.noise {
+            threshold: l.load(threshold, p),
+            ceiling: optional(l, ceiling, p),
+            pair_keys: l.load_pairs(pair_keys, p / 2),
+            noise: match noise {
                 Some(NoiseTable::Whole(m)) => l.load(m, p),
                 _ => l.splat(0),
             },
-            whole_gain: optional(l, &tables.whole_gain, p),
-            gain: l.load_f(&tables.gain, p),
-            dark: l.load_f(&tables.dark, p),
+            whole_gain: optional(l, whole_gain, p),
+            gain: l.load_f(gain, p),
+            dark: l.load_f(dark, p),
             whole_from,
             slope,
             offset,
-            clip: rules.clip,
-            kept_increment: 1.0 - rules.lost_increment,
-            lost_share: l.splat((rules.lost_increment * 32_768.0) as i16),
-            extra_thresholds: rules.extra_thresholds,
+            clip,
+            kept_increment: 1.0 - lost_increment,
+            lost_share: l.splat((lost_increment * 32_768.0) as i16),
+            extra_thresholds,
         }
     }
 }

@@ -154,21 +154,53 @@ impl Law {
         surround: Surround,
         noise: &mut impl Noise,
     ) -> bool {
+        let Self {
+            threshold,
+            gain,
+            dark,
+            quantum,
+            quanta_light,
+            quanta_dark,
+            lost_increment,
+            ceiling,
+            floor,
+            missed,
+            spurious,
+            leak,
+            // `seen` has these of the light,
+            quadratic: _,
+            schedule: _,
+            lag: _,
+            // `switched` this of the dark current,
+            telegraph: _,
+            // `compare` these of the threshold,
+            noise: _,
+            redraw: _,
+            lost_remainder: _,
+            comparator: _,
+            slow: _,
+            adaptation: _,
+            // and a `Frame` these of pixels side by side.
+            row_noise: _,
+            crosstalk: _,
+            coupling: _,
+            droop: _,
+        } = *self;
         let light = self.seen(state, light);
-        let mut charge = self.gain * light + self.dark + self.switched(state, noise);
-        let quanta = self.quanta_light * light + self.quanta_dark;
-        if self.quantum > 0.0 && quanta > 0.0 {
-            charge += self.quantum * (noise.poisson(quanta) - quanta);
+        let mut charge = gain * light + dark + self.switched(state, noise);
+        let quanta = quanta_light * light + quanta_dark;
+        if quantum > 0.0 && quanta > 0.0 {
+            charge += quantum * (noise.poisson(quanta) - quanta);
         }
         if state.fired {
-            charge *= 1.0 - self.lost_increment;
+            charge *= 1.0 - lost_increment;
         }
-        charge += surround.charge * self.threshold - self.leak * state.charge;
-        state.charge = (state.charge + charge).min(self.ceiling).max(self.floor);
+        charge += surround.charge * threshold - leak * state.charge;
+        state.charge = (state.charge + charge).min(ceiling).max(floor);
         self.compare(state, surround.offset, noise);
         state.readout += 1;
         let flip = noise.uniform();
-        if state.fired { flip >= self.missed } else { flip < self.spurious }
+        if state.fired { flip >= missed } else { flip < spurious }
     }
 
     /// The light that acts: the response of the pixel to `light`.

@@ -33,8 +33,9 @@ pub enum Quanta {
 }
 
 /// One operation that a pixel carries out at readouts. The list is closed: a
-/// new kind of arithmetic is a variant here, and the compiler then names the
-/// places in the law, the plan, the reference and the lanes.
+/// new kind of arithmetic is a variant here. The compiler then names the places
+/// in the law, the plan, the reference and the lanes, which all take it apart
+/// without `..`; `docs/history/operations.md` counts them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Op {
     /// The light arrives in quanta; the variance is scaled by `strength`.

@@ -10,14 +10,17 @@
 //! and of the bounds in [`Bounds`].
 
 mod bounds;
-mod further;
+mod losses;
+mod moving;
 mod scale;
 mod state;
+mod steps;
 mod tables;
 mod window;
 
 pub use bounds::Bounds;
-pub use further::{Further, Late, Losses, Rise, Switch, Wander};
+pub use losses::Losses;
+pub use moving::{Adaptation, Lag, Moving, SlowNoise, Telegraph};
 pub(crate) use state::OTHER_PLAN;
 pub(crate) use state::{ADAPTED, LATE, LOW, SLOW};
 pub use state::{State, StateParts};
@@ -98,7 +101,7 @@ pub struct Plan {
     steps: u32,
     tables: Arc<Tables>,
     rules: Rules,
-    further: Option<Arc<Further>>,
+    moving: Option<Arc<Moving>>,
     origin: Arc<Origin>,
     losses: Losses,
     clocks: Clocks,
@@ -142,10 +145,10 @@ impl Plan {
         let geometry = model.circuit.geometry;
         let laws: Vec<Law> = (0..model.circuit.pixels()).map(|p| model.law(p)).collect();
         let scale = scale::choose(model, &laws, greatest_light)?;
-        let (tables, rules, further) = tables::build(model, &laws, &scale, greatest_light);
+        let (tables, rules, moving) = tables::build(model, &laws, &scale, greatest_light);
         let losses = Losses::of(model);
         let origin = Origin::of(model, &laws);
-        let start = state::start(&origin, seeds, &tables, &rules, further.as_ref(), losses);
+        let start = state::start(&origin, seeds, &tables, &rules, moving.as_ref(), losses);
         let counts = tables.shot.as_ref().map(|_| &*COUNTS);
         Ok(Self {
             geometry,
@@ -156,7 +159,7 @@ impl Plan {
             clocks: Clocks::new(seeds),
             tables: Arc::new(tables),
             rules,
-            further: further.map(Arc::new),
+            moving: moving.map(Arc::new),
             origin: Arc::new(origin),
             losses,
             counts,
@@ -184,8 +187,8 @@ impl Plan {
         }
         self.seeds = seeds;
         self.clocks = Clocks::new(seeds);
-        let further = self.further.as_deref();
-        self.start = state::start(&self.origin, seeds, &self.tables, &self.rules, further, self.losses);
+        let moving = self.moving.as_deref();
+        self.start = state::start(&self.origin, seeds, &self.tables, &self.rules, moving, self.losses);
         Ok(())
     }
 
@@ -228,18 +231,18 @@ impl Plan {
         &self.rules
     }
 
-    /// Rules and tables of the rarer operations, if there are any.
+    /// Rules and tables of what moves, if anything does.
     #[must_use]
     #[inline]
-    pub fn further(&self) -> Option<&Further> {
-        self.further.as_deref()
+    pub fn moving(&self) -> Option<&Moving> {
+        self.moving.as_deref()
     }
 
     /// Whether pixels act on each other, so that a batch is one tile or one readout.
     #[must_use]
     #[inline]
     pub fn couples(&self) -> bool {
-        self.further().is_some_and(Further::couples)
+        self.moving().is_some_and(Moving::couples)
     }
 
     /// Whole readouts that go wrong.

@@ -82,19 +82,50 @@ impl Extremes {
     }
 
     fn with(self, law: &Law, light: f64) -> Self {
+        let Law {
+            threshold,
+            gain,
+            dark,
+            quantum,
+            quanta_light,
+            quanta_dark,
+            noise,
+            ceiling,
+            telegraph,
+            coupling,
+            // In `brightest`.
+            quadratic: _,
+            schedule: _,
+            // In `sway`.
+            comparator: _,
+            row_noise: _,
+            slow: _,
+            adaptation: _,
+            droop: _,
+            // These make no charge and no threshold larger.
+            redraw: _,
+            lost_increment: _,
+            lost_remainder: _,
+            floor: _,
+            missed: _,
+            spurious: _,
+            lag: _,
+            leak: _,
+            crosstalk: _,
+        } = *law;
         let light = law.brightest(light);
-        let given = 4.0 * law.coupling.abs() * law.threshold;
-        let dark = law.dark.max(0.0) + law.telegraph.amplitude.abs() + given;
-        let increment = law.gain.max(0.0) * light + dark;
-        let quanta = law.quanta_light * light + law.quanta_dark;
+        let given = 4.0 * coupling.abs() * threshold;
+        let dark = dark.max(0.0) + telegraph.amplitude.abs() + given;
+        let increment = gain.max(0.0) * light + dark;
+        let quanta = quanta_light * light + quanta_dark;
         Self {
-            threshold: self.threshold.max(law.threshold),
-            smallest_threshold: self.smallest_threshold.min(law.threshold),
+            threshold: self.threshold.max(threshold),
+            smallest_threshold: self.smallest_threshold.min(threshold),
             increment: self.increment.max(increment),
-            noise: self.noise.max(law.noise),
-            shot: self.shot.max(law.quantum * quanta.sqrt()),
-            ceiling: self.ceiling.max(law.ceiling / law.threshold),
-            relative_increment: self.relative_increment.max(increment / law.threshold),
+            noise: self.noise.max(noise),
+            shot: self.shot.max(quantum * quanta.sqrt()),
+            ceiling: self.ceiling.max(ceiling / threshold),
+            relative_increment: self.relative_increment.max(increment / threshold),
             sway: self.sway.max(law.sway(f64::from(gauss::LARGEST) / gauss::SCALE)),
         }
     }

@@ -5,7 +5,8 @@ use crate::draws::{Seeds, Stream, gauss};
 use crate::effects::{Model, Phases};
 use crate::error::{Error, Kind, Result};
 use crate::pixel::{Law, Redraw};
-use crate::plan::further::{Further, Losses};
+use crate::plan::losses::Losses;
+use crate::plan::moving::Moving;
 use crate::plan::tables::{NoiseTable, Rules, Tables};
 use crate::spikes::{Crop, Geometry};
 
@@ -118,12 +119,13 @@ impl State {
     }
 
     fn columns(&self) -> [&Vec<i16>; 6] {
-        let Self { charge, fraction, surplus, fired, held, held_fraction, .. } = self;
+        let Self { charge, fraction, surplus, fired, held, held_fraction, readout: _, lingering: _, last: _ } =
+            self;
         [charge, fraction, surplus, fired, held, held_fraction]
     }
 
-    /// The columns that only some plans with rarer operations have.
-    fn further(&self) -> [&Vec<i16>; LINGERING + 1] {
+    /// The columns of what lingers, and of the bits that may be repeated.
+    fn lingering(&self) -> [&Vec<i16>; LINGERING + 1] {
         let [a, b, c, d, e, f, g] = &self.lingering;
         [a, b, c, d, e, f, g, &self.last]
     }
@@ -131,7 +133,7 @@ impl State {
     /// Whether this could be a state of the plan whose fresh state is `like`.
     pub(crate) fn fits(&self, like: &Self) -> bool {
         let common = self.columns().map(Vec::len) == like.columns().map(Vec::len);
-        common && self.further().map(Vec::len) == like.further().map(Vec::len)
+        common && self.lingering().map(Vec::len) == like.lingering().map(Vec::len)
     }
 
     /// The state as bytes, little-endian, with a header that says which parts there are.
@@ -145,20 +147,20 @@ impl State {
         for column in self.columns() {
             bytes.extend(column.iter().flat_map(|v| v.to_le_bytes()));
         }
-        if self.further().iter().any(|column| !column.is_empty()) {
-            for column in self.further() {
+        if self.lingering().iter().any(|column| !column.is_empty()) {
+            for column in self.lingering() {
                 bytes.extend((column.len() as u64).to_le_bytes());
             }
-            for column in self.further() {
+            for column in self.lingering() {
                 bytes.extend(column.iter().flat_map(|v| v.to_le_bytes()));
             }
         }
         bytes
     }
 
-    /// Reads the columns of [`State::further`] from the end of the bytes.
-    fn read_further(&mut self, bytes: &[u8], like: &Self) -> Result<()> {
-        let lengths = like.further().map(|column| column.len() as u64);
+    /// Reads the columns of [`State::lingering`] from the end of the bytes.
+    fn read_lingering(&mut self, bytes: &[u8], like: &Self) -> Result<()> {
+        let lengths = like.lingering().map(|column| column.len() as u64);
         if lengths == [0; LINGERING + 1] {
             return if bytes.is_empty() { Ok(()) } else { Err(Self::foreign(OTHER_PLAN)) };
         }
@@ -195,7 +197,7 @@ impl State {
         if lengths != expected || (bytes.len() as u64) < total {
             return Err(Self::foreign(OTHER_PLAN));
         }
-        let (common, further) = bytes.split_at(total as usize);
+        let (common, rest) = bytes.split_at(total as usize);
         let (words, _) = common[header..].as_chunks::<2>();
         let mut values = words.iter().map(|w| i16::from_le_bytes(*w));
         let mut column = |i: usize| values.by_ref().take(expected[i] as usize).collect();
@@ -209,7 +211,7 @@ impl State {
             held_fraction: column(5),
             ..Self::default()
         };
-        state.read_further(further, like)?;
+        state.read_lingering(rest, like)?;
         Ok(state)
     }
 }
@@ -249,12 +251,12 @@ pub(super) fn start(
     seeds: Seeds,
     tables: &Tables,
     rules: &Rules,
-    further: Option<&Further>,
+    moving: Option<&Moving>,
     losses: Losses,
 ) -> State {
     let padded = tables.threshold.len();
     let clock = Clock::new(seeds, Stream::named("start_phase"));
-    let asks_fired = rules.lost_increment != 0.0 || further.is_some_and(Further::couples);
+    let asks_fired = rules.lost_increment != 0.0 || moving.is_some_and(Moving::couples);
     let mut state = State {
         charge: vec![-1; padded],
         fraction: vec![FLIP as i16; padded],
@@ -280,8 +282,8 @@ pub(super) fn start(
     if rules.redraw == Redraw::EveryReset {
         freeze(&mut state, seeds, tables);
     }
-    if let Some(further) = further {
-        linger(&mut state, seeds, further);
+    if let Some(moving) = moving {
+        linger(&mut state, seeds, moving);
     }
     if losses.repeated != 0 {
         state.last = vec![0; origin.geometry.frame_bytes().div_ceil(2)];
@@ -290,27 +292,27 @@ pub(super) fn start(
 }
 
 /// What lingers, before the first readout: wandering thresholds and switches in their balance.
-fn linger(state: &mut State, seeds: Seeds, further: &Further) {
-    let padded = further.threshold.len();
+fn linger(state: &mut State, seeds: Seeds, moving: &Moving) {
+    let padded = moving.threshold.len();
     let once = |name: &str, p: usize| Clock::new(seeds, Stream::named(name)).once(p as u32);
     let mut store = |at: usize, value: &dyn Fn(usize) -> f32| {
         let bits: Vec<u32> = (0..padded).map(|p| value(p).to_bits()).collect();
         state.lingering[at] = bits.iter().map(|b| (b >> 16) as i16).collect();
         state.lingering[at + 1] = bits.iter().map(|b| *b as i16).collect();
     };
-    if let Some(slow) = further.slow {
+    if let Some(slow) = moving.slow {
         store(SLOW, &|p| {
             let deviation = f32::from(gauss::unit(once("slow_threshold_noise/start", p) as u16)) * slow.start;
             deviation.clamp(-slow.bound, slow.bound)
         });
     }
-    if further.adaptation.is_some() {
+    if moving.adaptation.is_some() {
         store(ADAPTED, &|_| 0.0);
     }
-    if further.lag.is_some() {
+    if moving.lag.is_some() {
         store(LATE, &|_| 0.0);
     }
-    if further.telegraph.is_some() {
+    if moving.telegraph.is_some() {
         state.lingering[LOW] = (0..padded).map(|p| -((once("telegraph_dark/start", p) & 1) as i16)).collect();
     }
 }

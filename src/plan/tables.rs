@@ -4,14 +4,9 @@ use crate::draws::{hash, poisson};
 use crate::effects::Model;
 use crate::pixel::{Law, Op, Redraw};
 use crate::plan::LANES;
-use crate::plan::further::{self, Further};
+use crate::plan::moving::{self, Moving};
 use crate::plan::scale::{Scale, Storage, WHOLE_STEPS, multiplier_per_step};
-
-/// Steps times 65,536: the unit of increments.
-pub const FRACTION: f64 = 65_536.0;
-
-/// The kernels' unit of light is this part of full scale.
-pub const FULL_SCALE: f64 = 255.0;
+use crate::plan::steps::{FRACTION, FULL_SCALE, Rounded, pad, probability};
 
 /// By how much increments that are rounded up are raised: the half ulps of the light as it was stored, its product with 255, the
 /// gain, their product and its sum with the dark current, and a little for the squares of these. `docs/fixed-point.md`, "Ties of the charge".
@@ -116,39 +111,54 @@ impl Rules {
     }
 }
 
-/// A pixel's law and its threshold in whole steps.
-pub(super) struct Rounded<'a> {
-    pub law: &'a Law,
-    pub whole: f64,
-    /// Steps per nominal threshold of charge: the pixel's own rounded threshold sets the unit.
-    pub unit: f64,
-}
-
-impl<'a> Rounded<'a> {
-    fn new(law: &'a Law, scale: &Scale) -> Self {
-        let whole = (law.threshold * f64::from(scale.steps)).round();
-        Self { law, whole, unit: whole / law.threshold }
-    }
-}
-
 pub(super) fn build(
     model: &Model,
     laws: &[Law],
     scale: &Scale,
     greatest_light: f64,
-) -> (Tables, Rules, Option<Further>) {
+) -> (Tables, Rules, Option<Moving>) {
     let laws: Vec<Rounded<'_>> = laws.iter().map(|law| Rounded::new(law, scale)).collect();
-    let first = laws[0].law;
-    let flips = first.missed != 0.0 || first.spurious != 0.0;
+    // All pixels share what is taken by name; the tables hold what is their own.
+    let Law {
+        lost_increment,
+        lost_remainder,
+        missed,
+        spurious,
+        threshold: _,
+        gain: _,
+        dark: _,
+        quantum: _,
+        quanta_light: _,
+        quanta_dark: _,
+        noise: _,
+        ceiling: _,
+        // A law without noise does not say when that is drawn: the operations do.
+        redraw: _,
+        // No operation sets it; the state ends at its own.
+        floor: _,
+        // What moves.
+        quadratic: _,
+        schedule: _,
+        lag: _,
+        telegraph: _,
+        leak: _,
+        comparator: _,
+        row_noise: _,
+        slow: _,
+        adaptation: _,
+        crosstalk: _,
+        coupling: _,
+        droop: _,
+    } = *laws[0].law;
+    let flips = missed != 0.0 || spurious != 0.0;
     let rules = Rules {
         redraw: redraw(model),
         surplus: scale.storage == Storage::Surplus,
         extra_thresholds: scale.extra_thresholds,
-        lost_increment: first.lost_increment as f32,
-        kept_remainder: (1.0 - first.lost_remainder) as f32,
-        lost_remainder: first.lost_remainder as f32,
-        flip: flips
-            .then(|| Flip { missed: probability(first.missed), spurious: probability(first.spurious) }),
+        lost_increment: lost_increment as f32,
+        kept_remainder: (1.0 - lost_remainder) as f32,
+        lost_remainder: lost_remainder as f32,
+        flip: flips.then(|| Flip { missed: probability(missed), spurious: probability(spurious) }),
         clip: laws.iter().any(|r| clips(r, greatest_light)),
         greatest_light: (greatest_light * FULL_SCALE) as f32,
     };
@@ -157,13 +167,8 @@ pub(super) fn build(
         // Light has to be cut off first.
         tables.whole_gain.clear();
     }
-    let further = further::build(&laws, model.circuit.geometry.width());
-    (tables, rules, further)
-}
-
-/// A probability in units of 2^-32.
-pub(super) fn probability(p: f64) -> u32 {
-    (p * 4_294_967_296.0).min(f64::from(u32::MAX)) as u32
+    let moving = moving::build(&laws, model.circuit.geometry.width());
+    (tables, rules, moving)
 }
 
 /// A margin below the 32,767 steps of the state.
@@ -259,10 +264,4 @@ fn noise_table(laws: &[Rounded<'_>], deviation: impl Fn(&Rounded<'_>) -> f64) ->
     }
     let per_unit = FRACTION / crate::draws::gauss::SCALE;
     Some(NoiseTable::Fine(pad(laws, 0.0, |r| (deviation(r) * per_unit) as f32)))
-}
-
-pub(super) fn pad<T: Clone>(laws: &[Rounded<'_>], filler: T, value: impl Fn(&Rounded<'_>) -> T) -> Vec<T> {
-    let mut table: Vec<T> = laws.iter().map(value).collect();
-    table.resize(laws.len().next_multiple_of(LANES), filler);
-    table
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::draws::hash;
 use crate::error::Result;
-use crate::plan::further::{Further, Switch};
+use crate::plan::moving::{Moving, Telegraph};
 use crate::plan::tables::{NoiseTable, Shot, Tables};
 use crate::plan::{LANES, Plan, state};
 use crate::spikes::{Crop, Geometry};
@@ -19,16 +19,24 @@ impl Plan {
         let geometry = crop.geometry(self.geometry)?;
         let cut = Cut { crop, of: self.geometry, padded: geometry.pixels().next_multiple_of(LANES) };
         let tables = cut.tables(&self.tables);
-        let further = self.further().map(|further| cut.further(further, geometry));
+        let moving = self.moving().map(|moving| cut.moving(moving, geometry));
         let origin = self.origin.window(crop, geometry);
-        let start = state::start(&origin, self.seeds, &tables, &self.rules, further.as_ref(), self.losses);
+        let start = state::start(&origin, self.seeds, &tables, &self.rules, moving.as_ref(), self.losses);
         Ok(Self {
             geometry,
             tables: Arc::new(tables),
-            further: further.map(Arc::new),
+            moving: moving.map(Arc::new),
             origin: Arc::new(origin),
             start,
-            ..self.clone()
+            // What all pixels share.
+            seeds: self.seeds,
+            greatest_light: self.greatest_light,
+            steps: self.steps,
+            rules: self.rules,
+            losses: self.losses,
+            clocks: self.clocks.clone(),
+            counts: self.counts,
+            bounds: self.bounds,
         })
     }
 }
@@ -79,17 +87,45 @@ impl Cut {
         (0..count as u32).map(hash::key).collect()
     }
 
-    fn further(&self, whole: &Further, geometry: Geometry) -> Further {
+    fn moving(&self, whole: &Moving, geometry: Geometry) -> Moving {
         let last = geometry.height() - 1;
-        Further {
-            telegraph: whole
-                .telegraph
+        let Moving {
+            schedule,
+            quadratic,
+            peak,
+            crosstalk,
+            lag,
+            telegraph,
+            leak,
+            coupling,
+            comparator,
+            row_noise,
+            slow,
+            adaptation,
+            droop,
+            threshold,
+            sway,
+            rows: _,
+        } = whole;
+        Moving {
+            telegraph: telegraph
                 .as_ref()
-                .map(|switch| Switch { amplitude: self.of(&switch.amplitude, 0.0), rate: switch.rate }),
-            threshold: self.of(&whole.threshold, 0.0),
-            sway: self.of(&whole.sway, 0),
+                .map(|t| Telegraph { amplitude: self.of(&t.amplitude, 0.0), rate: t.rate }),
+            threshold: self.of(threshold, 0.0),
+            sway: self.of(sway, 0),
             rows: (0..self.padded).map(|p| (p / geometry.width()).min(last) as u32).collect(),
-            ..whole.clone()
+            schedule: *schedule,
+            quadratic: *quadratic,
+            peak: *peak,
+            crosstalk: *crosstalk,
+            lag: *lag,
+            leak: *leak,
+            coupling: *coupling,
+            comparator: *comparator,
+            row_noise: *row_noise,
+            slow: *slow,
+            adaptation: *adaptation,
+            droop: *droop,
         }
     }
 }

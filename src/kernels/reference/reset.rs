@@ -1,13 +1,19 @@
 //! The reference's comparison with the threshold and its reset.
 
 use crate::kernels::Job;
-use crate::kernels::reference::{Pixel, fixed, scaled, unit};
-use crate::kernels::reference_further as further;
+use crate::kernels::reference::moving::Moves;
+use crate::kernels::reference::pixel::{Pixel, fixed, scaled, unit};
 use crate::pixel::Redraw;
 use crate::plan::{NoiseTable, Rules};
 
 /// Compares with the noisy threshold and resets; returns whether it fired.
-pub(super) fn compare(job: &Job<'_>, p: usize, t: usize, droop: f32, pixel: &mut Pixel) -> bool {
+pub(super) fn compare(
+    job: &Job<'_>,
+    p: usize,
+    t: usize,
+    (moves, droop): (Option<&Moves>, f32),
+    pixel: &mut Pixel,
+) -> bool {
     let (tables, rules) = (job.plan.tables(), job.plan.rules());
     let threshold = i32::from(tables.threshold[p]) << 16;
     let fresh = || match &tables.noise {
@@ -18,7 +24,7 @@ pub(super) fn compare(job: &Job<'_>, p: usize, t: usize, droop: f32, pixel: &mut
         Some(NoiseTable::Fine(m)) => fixed(f32::from(unit(job.batch.rounds().noise[t].thermal, p)) * m[p]),
     };
     let frozen = rules.redraw == Redraw::EveryReset;
-    let offset = further::offset(job, p, t, droop, &mut pixel.lingering);
+    let offset = moves.map_or(0, |m| m.offset(job, p, t, droop, &mut pixel.lingering));
     let noise = (if frozen { pixel.held } else { fresh() }).wrapping_add(offset);
     if pixel.surplus > 0 && pixel.charge < -tables.threshold[p] {
         // A negative current has drained the charge below empty: the surplus fills it up.
@@ -26,7 +32,7 @@ pub(super) fn compare(job: &Job<'_>, p: usize, t: usize, droop: f32, pixel: &mut
         pixel.surplus -= 1;
     }
     let mut charge = i32::from(pixel.charge) << 16 | i32::from(pixel.fraction);
-    let reached = charge >= noise.wrapping_add(further::compared(job, p, t));
+    let reached = charge >= noise.wrapping_add(moves.map_or(0, |m| m.compared(job, p, t)));
     let borrowed = !reached && pixel.surplus > 0;
     let fired = reached || borrowed;
     if fired {

@@ -3,12 +3,17 @@
 //! Written for reading. It visits one pixel at a time and shares no code with
 //! the lanes; `docs/fixed-point.md` describes the same steps in words.
 
-use crate::draws::hash::{Round, bits, half, key};
+mod moving;
+mod pixel;
+mod reset;
+
+use crate::draws::hash::{bits, key};
 use crate::draws::{gauss, poisson};
-use crate::kernels::reference_further::{self as further, Lingering};
-use crate::kernels::reference_reset::compare;
-use crate::kernels::{Around, Job, Light, Samples};
-use crate::plan::{Plan, StateParts};
+use crate::kernels::{Around, Job, Light};
+use crate::plan::{Plan, Rules, StateParts, Tables};
+use moving::Moves;
+use pixel::{Pixel, fixed, flip_draw, sample, scaled, unit};
+use reset::compare;
 
 /// Increments and noise of one pixel under one light.
 #[derive(Clone, Copy)]
@@ -26,25 +31,15 @@ struct Increment {
     fine: f32,
 }
 
-/// A pixel's state in registers of comfortable width.
-pub(super) struct Pixel {
-    pub charge: i16,
-    pub fraction: u16,
-    pub surplus: i16,
-    fired: bool,
-    pub held: i32,
-    pub lingering: Lingering,
-}
-
 /// See [`crate::kernels::run`].
 pub fn run(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
     out.fill(0);
     if job.plan.couples() {
-        return together(job, state, out);
+        return frame_by_frame(job, state, out);
     }
     let around = &job.batch.modulation().around;
     for (i, p) in job.range().enumerate() {
-        let mut pixel = load(state, i);
+        let mut pixel = Pixel::load(state, i);
         for (readouts, light) in job.batch.segments() {
             for (k, t) in readouts.clone().enumerate() {
                 if step(job, p, (k, t), light, around, &mut pixel) {
@@ -52,24 +47,24 @@ pub fn run(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
                 }
             }
         }
-        store(state, i, &pixel);
+        pixel.store(state, i);
     }
 }
 
 /// Pixels that act on each other: one readout of all after the other.
-fn together(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+fn frame_by_frame(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
     let mut around = job.batch.modulation().around.clone();
     for (readouts, light) in job.batch.segments() {
         for (k, t) in readouts.clone().enumerate() {
             for (i, p) in job.range().enumerate() {
-                let mut pixel = load(state, i);
+                let mut pixel = Pixel::load(state, i);
                 if step(job, p, (k, t), light, &around, &mut pixel) {
                     out[t * job.tile_bytes() + i / 8] |= 1 << (i % 8);
                 }
-                store(state, i, &pixel);
+                pixel.store(state, i);
             }
-            if let Some(further) = job.plan.further().filter(|_| job.is_whole_sensor()) {
-                around.follow(job.plan, further, state.fired);
+            if let Some(moving) = job.plan.moving().filter(|_| job.is_whole_sensor()) {
+                around.follow(job.plan, moving, state.fired);
             }
         }
     }
@@ -84,68 +79,25 @@ fn step(
     around: &Around,
     pixel: &mut Pixel,
 ) -> bool {
-    let light = light_at(job.plan, light, p, k).min(job.plan.rules().greatest_light);
-    let light = further::seen(job, t, light, &mut pixel.lingering);
-    let dark = further::dark(job, p, t, &mut pixel.lingering);
+    let moves = Moves::of(job.plan, p);
+    let moves = moves.as_ref();
+    let light = light_at(job.plan, moves, light, p, k).min(job.plan.rules().greatest_light);
+    let light = moves.map_or(light, |m| m.seen(job, t, light, &mut pixel.lingering));
+    let dark = job.plan.tables().dark[p];
+    let dark = moves.map_or(dark, |m| m.dark(job, p, t, dark, &mut pixel.lingering));
     let increment = increment(job.plan, p, light, dark);
-    readout(job, p, t, &increment, around, pixel)
+    readout(job, p, t, &increment, (moves, around), pixel)
 }
 
-fn load(state: &StateParts<'_>, i: usize) -> Pixel {
-    let held = state.held.get(i).copied().unwrap_or(0);
-    let held_fraction = state.held_fraction.get(i).copied().unwrap_or(0);
-    Pixel {
-        charge: state.charge[i],
-        fraction: state.fraction[i] as u16 ^ 0x8000,
-        surplus: state.surplus.get(i).copied().unwrap_or(0),
-        fired: state.fired.get(i).is_some_and(|f| *f != 0),
-        held: i32::from(held) << 16 | i32::from(held_fraction as u16),
-        lingering: Lingering::load(state, i),
-    }
-}
-
-fn store(state: &mut StateParts<'_>, i: usize, pixel: &Pixel) {
-    state.charge[i] = pixel.charge;
-    state.fraction[i] = (pixel.fraction ^ 0x8000) as i16;
-    let optional = [
-        (&mut state.surplus, pixel.surplus),
-        (&mut state.fired, -i16::from(pixel.fired)),
-        (&mut state.held, (pixel.held >> 16) as i16),
-        (&mut state.held_fraction, pixel.held as i16),
-    ];
-    for (column, value) in optional {
-        if let Some(slot) = column.get_mut(i) {
-            *slot = value;
-        }
-    }
-    pixel.lingering.store(state, i);
-}
-
-/// Light of pixel `p` in 1/255 of full scale; padding is dark.
-pub(super) fn sample(samples: &Samples<'_>, p: usize) -> f32 {
-    match samples {
-        Samples::U8(s) => s.get(p).map_or(0.0, |v| f32::from(*v)),
-        Samples::U16(s) => s.get(p).map_or(0.0, |v| f32::from(*v) / 257.0),
-        Samples::F32(s) => s.get(p).map_or(0.0, |v| *v * 255.0),
-    }
-}
-
-fn light_at(plan: &Plan, light: &Light<'_>, p: usize, k: usize) -> f32 {
+fn light_at(plan: &Plan, moves: Option<&Moves>, light: &Light<'_>, p: usize, k: usize) -> f32 {
+    let fallen = |samples| moves.map_or_else(|| sample(samples, p), |m| m.spread(plan, samples, p));
     match light {
-        Light::Held(samples) => further::spread(plan, samples, p),
+        Light::Held(samples) => fallen(samples),
         Light::Between { from, to, weights } => {
-            let start = further::spread(plan, from, p);
-            start + (further::spread(plan, to, p) - start) * weights[k]
+            let start = fallen(from);
+            start + (fallen(to) - start) * weights[k]
         }
     }
-}
-
-/// Largest and smallest increment that the state can take, in steps x 65,536.
-const MOST: f32 = 2_147_418_112.0;
-const LEAST: f32 = -1_073_741_824.0;
-
-pub(super) fn fixed(value: f32) -> i32 {
-    value.clamp(LEAST, MOST).round_ties_even() as i32
 }
 
 fn increment(plan: &Plan, p: usize, light: f32, dark: f32) -> Increment {
@@ -178,52 +130,69 @@ fn increment(plan: &Plan, p: usize, light: f32, dark: f32) -> Increment {
     result
 }
 
-/// The rounding multiply of the lanes.
-pub(super) fn scaled(unit: i16, multiplier: i16) -> i16 {
-    ((i32::from(unit) * i32::from(multiplier) + (1 << 14)) >> 15) as i16
-}
-
-pub(super) fn unit(round: Round, p: usize) -> i16 {
-    gauss::unit(half(bits(key(p as u32 / 2), round), p))
-}
-
 /// One readout; returns the reported bit.
 fn readout(
     job: &Job<'_>,
     p: usize,
     t: usize,
     increment: &Increment,
-    around: &Around,
+    (moves, around): (Option<&Moves>, &Around),
     pixel: &mut Pixel,
 ) -> bool {
-    let rules = job.plan.rules();
-    let stored = i32::from(pixel.charge) << 16 | i32::from(pixel.fraction);
-    add(pixel, further::leaked(job.plan, p, stored));
+    // What a plan says is taken apart, so that nothing of it is forgotten.
+    let Rules {
+        flip,
+        // In `gather_charge`, `compare` and `step`;
+        lost_increment: _,
+        redraw: _,
+        surplus: _,
+        extra_thresholds: _,
+        kept_remainder: _,
+        lost_remainder: _,
+        greatest_light: _,
+        // here every increment is clipped.
+        clip: _,
+    } = *job.plan.rules();
+    let Tables {
+        ceiling,
+        // In `increment`, `gather_charge` and `compare`;
+        gain: _,
+        dark: _,
+        shot: _,
+        threshold: _,
+        noise: _,
+        // two that only save the lanes some work.
+        pair_keys: _,
+        whole_gain: _,
+    } = job.plan.tables();
+    if let Some(moves) = moves {
+        let stored = i32::from(pixel.charge) << 16 | i32::from(pixel.fraction);
+        pixel.add(moves.leaked(stored));
+    }
     gather_charge(job, p, t, increment, pixel);
-    add(pixel, further::given(job, p, around));
-    if let Some(&ceiling) = job.plan.tables().ceiling.get(p) {
+    if let Some(moves) = moves {
+        pixel.add(moves.given(p, around));
+    }
+    if let Some(&ceiling) = ceiling.get(p) {
         pixel.charge = pixel.charge.min(ceiling);
     }
-    let fired = compare(job, p, t, around.droop, pixel);
+    let fired = compare(job, p, t, (moves, around.droop), pixel);
     pixel.fired = fired;
-    pixel.lingering.adapt(job.plan, fired);
-    let Some(flip) = rules.flip else { return fired };
+    if let Some(moves) = moves {
+        moves.adapt(fired, &mut pixel.lingering);
+    }
+    let Some(flip) = flip else { return fired };
     let rounds = job.batch.rounds();
     let (words, probability) =
         if fired { (&rounds.missed, flip.missed) } else { (&rounds.spurious, flip.spurious) };
     fired != (probability != 0 && flip_draw(words, p, t) < probability)
 }
 
-pub(super) fn flip_draw(words: &[Vec<Round>; 2], p: usize, t: usize) -> u32 {
-    let part = |i: usize| u32::from(half(bits(key(p as u32 / 2), words[i][t]), p));
-    part(0) << 16 | part(1)
-}
-
 fn gather_charge(job: &Job<'_>, p: usize, t: usize, increment: &Increment, pixel: &mut Pixel) {
     let rules = job.plan.rules();
     let shortened = pixel.fired && rules.lost_increment != 0.0;
     let kept = if shortened { 1.0 - rules.lost_increment } else { 1.0 };
-    add(pixel, if shortened { increment.after_spike } else { increment.mean });
+    pixel.add(if shortened { increment.after_spike } else { increment.mean });
     if job.plan.tables().shot.is_none() {
         return;
     }
@@ -242,13 +211,5 @@ fn gather_charge(job: &Job<'_>, p: usize, t: usize, increment: &Increment, pixel
         let count = counts.draw(increment.count, bits(key(p as u32), rounds.counts[t]));
         fine += (count as f32 - increment.count.mean) * increment.quantum;
     }
-    add(pixel, fixed(fine * kept));
-}
-
-/// Adds steps x 65,536 to the charge; whole steps saturate.
-fn add(pixel: &mut Pixel, fixed: i32) {
-    let (fraction, carry) = pixel.fraction.overflowing_add(fixed as u16);
-    pixel.fraction = fraction;
-    let whole = pixel.charge.saturating_add((fixed >> 16) as i16);
-    pixel.charge = whole.saturating_add(i16::from(carry));
+    pixel.add(fixed(fine * kept));
 }

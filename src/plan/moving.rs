@@ -1,14 +1,15 @@
-//! Rules and tables of the rarer operations; a plan without any of them has none.
+//! Rules and tables of the operations whose numbers move: with the readout, the neighbours, or what a
+//! pixel remembers besides its charge. A plan without any of them has none.
 
 use crate::draws::gauss;
-use crate::effects::Model;
-use crate::pixel::{Adaptation, Op, Schedule, SlowNoise};
-use crate::plan::tables::{FRACTION, FULL_SCALE, Rounded, pad, probability};
+use crate::pixel::{self, Law, Schedule};
+use crate::plan::LANES;
+use crate::plan::steps::{FRACTION, FULL_SCALE, Rounded, pad, probability};
 
-/// What the general body does besides the common rules. Offsets of the threshold are relative to the
+/// What moves besides the [`Rules`](crate::plan::Rules), which stay. Offsets of the threshold are relative to the
 /// pixel's own; a zero means that there is no such thing.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Further {
+pub struct Moving {
     /// Factor on the light, if it changes with the readouts.
     pub schedule: Option<Schedule>,
     /// Light acts as `l + quadratic l^2`, with light in 1/255 of full scale.
@@ -18,9 +19,9 @@ pub struct Further {
     /// Share of the light given to the four neighbours.
     pub crosstalk: f32,
     /// Light that arrives late.
-    pub lag: Option<Late>,
+    pub lag: Option<Lag>,
     /// Dark current that switches.
-    pub telegraph: Option<Switch>,
+    pub telegraph: Option<Telegraph>,
     /// Share of the stored charge that a readout loses.
     pub leak: f32,
     /// Charge from every neighbour that fired at the readout before, in own thresholds.
@@ -30,9 +31,9 @@ pub struct Further {
     /// Noise that a row shares, per unit of the normal draw.
     pub row_noise: f32,
     /// Threshold that wanders.
-    pub slow: Option<Wander>,
+    pub slow: Option<SlowNoise>,
     /// Threshold that spikes raise.
-    pub adaptation: Option<Rise>,
+    pub adaptation: Option<Adaptation>,
     /// Fall of the threshold when every pixel fired at the readout before.
     pub droop: f32,
     /// Thresholds in steps x 65,536.
@@ -45,8 +46,8 @@ pub struct Further {
 
 /// See [`crate::pixel::Lag`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Late {
-    /// Late share of the light.
+pub struct Lag {
+    /// Lag share of the light.
     pub fraction: f32,
     /// Share of the late light that arrives at a readout.
     pub arriving: f32,
@@ -54,16 +55,16 @@ pub struct Late {
 
 /// See [`crate::pixel::Telegraph`].
 #[derive(Clone, Debug, PartialEq)]
-pub struct Switch {
+pub struct Telegraph {
     /// Distance from the mean, in steps x 65,536 per readout.
     pub amplitude: Vec<f32>,
     /// Probability of switching in units of 2^-32.
     pub rate: u32,
 }
 
-/// See [`SlowNoise`].
+/// See [`crate::pixel::SlowNoise`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wander {
+pub struct SlowNoise {
     /// Share of the deviation that the next readout keeps.
     pub kept: f32,
     /// What a readout adds, per unit of the normal draw.
@@ -74,10 +75,10 @@ pub struct Wander {
     pub start: f32,
 }
 
-/// See [`Adaptation`].
+/// See [`crate::pixel::Adaptation`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rise {
-    /// Rise per spike.
+pub struct Adaptation {
+    /// Adaptation per spike.
     pub rise: f32,
     /// Share that a readout takes away; known to more digits than what it leaves.
     pub fall: f32,
@@ -85,68 +86,67 @@ pub struct Rise {
     pub highest: f32,
 }
 
-/// Whole readouts that go wrong; probabilities in units of 2^-32.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Losses {
-    /// Of losing a readout.
-    pub dropped: u32,
-    /// Of reporting the readout before in its place.
-    pub repeated: u32,
-}
-
-impl Losses {
-    pub(super) fn of(model: &Model) -> Self {
-        let mut losses = Self::default();
-        for op in &model.ops {
-            match op {
-                Op::DropReadouts { probability: p } => losses.dropped = probability(*p),
-                Op::RepeatReadouts { probability: p } => losses.repeated = probability(*p),
-                _ => {}
-            }
-        }
-        losses
-    }
-
-    /// Whether any readout can go wrong.
-    #[must_use]
-    pub fn any(&self) -> bool {
-        *self != Self::default()
-    }
-}
-
-pub(super) fn build(laws: &[Rounded<'_>], width: usize) -> Option<Further> {
+pub(super) fn build(laws: &[Rounded<'_>], width: usize) -> Option<Moving> {
     // All pixels share these constants; only the amplitude of a switching current is their own.
-    let law = laws[0].law;
+    let Law {
+        quadratic,
+        schedule,
+        lag,
+        telegraph,
+        leak,
+        comparator,
+        row_noise,
+        slow,
+        adaptation,
+        crosstalk,
+        coupling,
+        droop,
+        // What stays is in the tables and the rules.
+        threshold: _,
+        gain: _,
+        dark: _,
+        quantum: _,
+        quanta_light: _,
+        quanta_dark: _,
+        noise: _,
+        redraw: _,
+        lost_increment: _,
+        lost_remainder: _,
+        ceiling: _,
+        floor: _,
+        missed: _,
+        spurious: _,
+    } = *laws[0].law;
     let switches = laws.iter().any(|r| r.law.telegraph.amplitude != 0.0);
     let amplitude =
         |r: &Rounded<'_>| (r.law.telegraph.amplitude * r.whole / r.law.threshold * FRACTION) as f32;
     let height = laws.len() / width;
-    let padded = laws.len().next_multiple_of(crate::plan::LANES);
-    let further = Further {
-        schedule: (!law.schedule.is_steady()).then_some(law.schedule),
-        quadratic: (law.quadratic / FULL_SCALE) as f32,
-        peak: if law.quadratic < 0.0 { (-0.5 / law.quadratic * FULL_SCALE) as f32 } else { f32::MAX },
-        crosstalk: law.crosstalk as f32,
-        lag: (law.lag.fraction != 0.0)
-            .then_some(Late { fraction: law.lag.fraction as f32, arriving: (1.0 - law.lag.kept) as f32 }),
+    let padded = laws.len().next_multiple_of(LANES);
+    let moving = Moving {
+        schedule: (!schedule.is_steady()).then_some(schedule),
+        quadratic: (quadratic / FULL_SCALE) as f32,
+        peak: if quadratic < 0.0 { (-0.5 / quadratic * FULL_SCALE) as f32 } else { f32::MAX },
+        crosstalk: crosstalk as f32,
+        lag: (lag.fraction != 0.0)
+            .then_some(Lag { fraction: lag.fraction as f32, arriving: (1.0 - lag.kept) as f32 }),
         telegraph: switches
-            .then(|| Switch { amplitude: pad(laws, 0.0, amplitude), rate: probability(law.telegraph.rate) }),
-        leak: law.leak as f32,
-        coupling: law.coupling as f32,
-        comparator: (law.comparator / gauss::SCALE) as f32,
-        row_noise: (law.row_noise / gauss::SCALE) as f32,
-        slow: (law.slow.sigma != 0.0).then(|| Wander {
-            kept: law.slow.kept as f32,
-            step: (law.slow.step() / gauss::SCALE) as f32,
-            bound: (SlowNoise::REACH * law.slow.sigma) as f32,
-            start: (law.slow.sigma / gauss::SCALE) as f32,
+            .then(|| Telegraph { amplitude: pad(laws, 0.0, amplitude), rate: probability(telegraph.rate) }),
+        leak: leak as f32,
+        coupling: coupling as f32,
+        comparator: (comparator / gauss::SCALE) as f32,
+        row_noise: (row_noise / gauss::SCALE) as f32,
+        slow: (slow.sigma != 0.0).then(|| SlowNoise {
+            kept: slow.kept as f32,
+            step: (slow.step() / gauss::SCALE) as f32,
+            bound: (pixel::SlowNoise::REACH * slow.sigma) as f32,
+            start: (slow.sigma / gauss::SCALE) as f32,
         }),
-        adaptation: (law.adaptation.rise != 0.0).then_some(Rise {
-            rise: law.adaptation.rise as f32,
-            fall: (1.0 - law.adaptation.decay) as f32,
-            highest: Adaptation::HIGHEST as f32,
+        adaptation: (adaptation.rise != 0.0).then_some(Adaptation {
+            rise: adaptation.rise as f32,
+            fall: (1.0 - adaptation.decay) as f32,
+            highest: pixel::Adaptation::HIGHEST as f32,
         }),
-        droop: law.droop as f32,
+        droop: droop as f32,
         threshold: pad(laws, 0.0, |r| (r.whole * FRACTION) as f32),
         sway: pad(laws, 0, |r| {
             let given = 4.0 * r.law.coupling.abs();
@@ -156,28 +156,12 @@ pub(super) fn build(laws: &[Rounded<'_>], width: usize) -> Option<Further> {
         }),
         rows: (0..padded).map(|p| (p / width).min(height - 1) as u32).collect(),
     };
-    further.is_needed().then_some(further)
+    moving.is_needed().then_some(moving)
 }
 
-impl Further {
+impl Moving {
     fn is_needed(&self) -> bool {
-        let numbers = [
-            self.quadratic,
-            self.crosstalk,
-            self.leak,
-            self.coupling,
-            self.comparator,
-            self.row_noise,
-            self.droop,
-        ];
-        let parts = [
-            self.schedule.is_some(),
-            self.lag.is_some(),
-            self.telegraph.is_some(),
-            self.slow.is_some(),
-            self.adaptation.is_some(),
-        ];
-        numbers.iter().any(|n| *n != 0.0) || parts.contains(&true)
+        self.quadratic != 0.0 || self.crosstalk != 0.0 || !self.only_bends_light()
     }
 
     /// Whether a readout depends on the spikes that other pixels had at the one before.
@@ -189,9 +173,28 @@ impl Further {
 
     /// Whether these rules change nothing but the light that a frame gives.
     #[must_use]
-    #[inline]
     pub fn only_bends_light(&self) -> bool {
-        let adds_charge = self.leak != 0.0 || self.coupling != 0.0;
+        let Self {
+            leak,
+            coupling,
+            schedule: _,
+            lag: _,
+            telegraph: _,
+            comparator: _,
+            row_noise: _,
+            slow: _,
+            adaptation: _,
+            droop: _,
+            // These bend it.
+            quadratic: _,
+            peak: _,
+            crosstalk: _,
+            // These are numbers of the pixels that the others act on.
+            threshold: _,
+            sway: _,
+            rows: _,
+        } = self;
+        let adds_charge = *leak != 0.0 || *coupling != 0.0;
         !adds_charge && !self.varies() && !self.moves_threshold()
     }
 
