@@ -43,13 +43,14 @@ static REFERENCE: LazyLock<Reference> = LazyLock::new(|| {
 
 fn of(hidden: &[(&str, f64)], seed: u64) -> Diagnosis {
     let (_folder, sets) = sets(hidden, seed);
-    let options = Options { camera: None, reference: Some(&REFERENCE), seed: 7, extent: Extent::Everything };
+    let options =
+        Options { reference: Some(&REFERENCE), seed: 7, extent: Extent::Everything, ..Options::default() };
     diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {}).unwrap()
 }
 
 /// Both takes against a camera file.
 fn against(camera: &Camera, sets: &[RecordingSet; 2]) -> Diagnosis {
-    let options = Options { camera: Some(camera), reference: None, seed: 7, extent: Extent::Everything };
+    let options = Options { camera: Some(camera), seed: 7, extent: Extent::Everything, ..Options::default() };
     diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {}).unwrap()
 }
 

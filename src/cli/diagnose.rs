@@ -80,7 +80,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         }
         return out.result(&json!({"event": "done", "nameable": rows}), &text);
     }
-    let options = Options { camera: camera.as_ref(), reference: None, seed: args.seed, extent };
+    let options = Options { camera: camera.as_ref(), seed: args.seed, extent, ..Options::default() };
     let found = diagnose(&set, holdout.as_ref(), options, &mut progress)?;
     drop(bar);
     let mut result = write(&found, args)?;

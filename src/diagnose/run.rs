@@ -24,7 +24,7 @@ use crate::diagnose::sensors::published::calibrated;
 use crate::diagnose::statistics::measured::Measured;
 use crate::diagnose::statistics::measured::measure;
 use crate::diagnose::statistics::readouts::{line, power, sharpened};
-use crate::effects::Camera;
+use crate::effects::{Camera, Catalogue, Definition};
 use crate::error::{Error, Kind, Result};
 
 /// Power over the mean from which on a line in the frame totals is worth a frequency.
@@ -41,6 +41,8 @@ pub struct Options<'a> {
     pub seed: u64,
     /// How much of large recordings is judged.
     pub extent: Extent,
+    /// The effects that are looked for; without them those of this library. A `reference` has its own.
+    pub effects: Option<&'a Catalogue>,
 }
 
 /// Finds what the model lacks.
@@ -129,7 +131,9 @@ impl Sets<'_> {
             }
             _ => given.clone(),
         };
-        let reference = Reference::new(setup, camera, options.seed, progress)?;
+        let library = Catalogue::new();
+        let effects = options.effects.unwrap_or(&library);
+        let reference = Reference::with_effects(setup, camera, options.seed, effects, progress)?;
         let signatures = with_line(&reference, self.measured)?;
         let case = self.case(&reference, &signatures);
         let mut found = search(&case, progress)?;
@@ -172,7 +176,7 @@ fn same_protocol(a: &Setup, b: &Setup) -> Result<()> {
         .expected("the same scenes in the same order, as long as those of the first set"))
 }
 
-/// The signatures, with that of a flicker at the frequency that the frame totals show.
+/// The signatures, with those of swinging light at the frequency that the frame totals show.
 fn with_line(reference: &Reference, measured: &Measured) -> Result<Vec<Signature>> {
     let (setup, mut signatures) = (&reference.setup, reference.signatures.clone());
     let mut best = (0.0, LINE);
@@ -189,15 +193,17 @@ fn with_line(reference: &Reference, measured: &Measured) -> Result<Vec<Signature
     }
     let frequency = sharpened(&bright, best.0);
     // One at the line stands for those at the frequencies that a strength is judged by.
-    let mut flickers = 0;
+    let mut kept: Vec<&Definition> = Vec::new();
     signatures.retain(|s| {
-        flickers += usize::from(s.candidate.name == "flicker");
-        s.candidate.name != "flicker" || flickers == 1
+        let (effect, again) = (s.candidate.effect, kept.contains(&s.candidate.effect));
+        kept.push(effect);
+        line_of(effect).is_none() || !again
     });
-    for signature in signatures.iter_mut().filter(|s| s.candidate.name == "flicker") {
+    for signature in &mut signatures {
+        let Some(line) = line_of(signature.candidate.effect) else { continue };
         let mut candidate: Candidate = signature.candidate.clone();
         for (knob, at) in candidate.knobs.iter_mut().zip(&mut candidate.at) {
-            if knob.key == "frequency_hz" {
+            if knob.key == line {
                 knob.centre = frequency * setup.readout_hz;
                 // A third of the line's width: what the sharpened line leaves open.
                 let bin = 0.3 / (frequency * setup.scenes[0].readouts as f64);
@@ -208,4 +214,9 @@ fn with_line(reference: &Reference, measured: &Measured) -> Result<Vec<Signature
         *signature = reference.signature(candidate)?;
     }
     Ok(signatures)
+}
+
+/// The key of an effect's frequency, if it makes the light swing.
+fn line_of(effect: &Definition) -> Option<&'static str> {
+    effect.tried().find(|(_, tried)| tried.is_line).map(|(param, _)| param.key)
 }

@@ -1,23 +1,38 @@
 //! A threshold that remembers spikes.
 
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_edit};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `adaptation`.
-pub const EFFECT: Definition = Definition {
-    name: "adaptation",
-    summary: "Every spike raises the threshold, which then falls back exponentially.",
-    source: "charge trapped at the comparator; spike-frequency adaptation of neuron models",
-    params: &[
-        Param::number("rise", Unit::One, (0.0, 0.02), 0.0, 0.001, "rise per spike, relative to the threshold"),
-        Param::number("decay", Unit::One, (0.7, 0.9995), 0.99, 0.99, "share of the rise that a readout leaves"),
+pub static EFFECT: Definition = Definition::new(
+    "adaptation",
+    "Every spike raises the threshold, which then falls back exponentially.",
+    "charge trapped at the comparator; spike-frequency adaptation of neuron models",
+    &[
+        Param::number(
+            "rise",
+            Unit::One,
+            (0.0, 0.02),
+            0.0,
+            0.001,
+            "rise per spike, relative to the threshold",
+        )
+        .tried(Tried::amplitude((0.0, 0.02), &[0.002])),
+        Param::number(
+            "decay",
+            Unit::One,
+            (0.7, 0.9995),
+            0.99,
+            0.99,
+            "share of the rise that a readout leaves",
+        )
+        .tried(Tried::kept((0.8, 0.999), &[0.85, 0.95, 0.99, 0.998])),
     ],
-    edit: no_edit,
-    ops,
-    moments,
-};
+)
+.with_ops(ops)
+.with_moments(moments);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::Adaptation { rise: v[0], decay: v[1] }]

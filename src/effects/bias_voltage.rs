@@ -2,23 +2,23 @@
 
 use crate::draws::pattern::Pattern;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `bias_voltage`.
-pub const EFFECT: Definition = Definition {
-    name: "bias_voltage",
-    summary: "The threshold voltage has an offset of its own in every pixel; its mean belongs to the nominal threshold.",
-    source: "SCSim, arXiv 2405.16790, Algorithm 1, the map V_S",
-    params: &[
+pub static EFFECT: Definition = Definition::new(
+    "bias_voltage",
+    "The threshold voltage has an offset of its own in every pixel; its mean belongs \
+     to the nominal threshold.",
+    "SCSim, arXiv 2405.16790, Algorithm 1, the map V_S",
+    &[
         Param::number("mean", Unit::Volt, (-10.0, 10.0), 0.0, -0.0076, "mean over the pixels"),
         Param::number("sigma", Unit::Volt, (0.0, 10.0), 0.0, 0.0497, "Gaussian spread over the pixels"),
     ],
-    edit,
-    ops: no_ops,
-    moments,
-};
+)
+.with_edit(edit)
+.with_moments(moments);
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
     // Full scale is defined by the mean pixel, so a mean offset moves it along (the

@@ -5,9 +5,12 @@ use crate::error::{Error, Kind, Result};
 use crate::sensor::{FrontEnd, Sensor};
 use crate::spikes::{Crop, Geometry};
 
+use super::catalogue::clash;
 use super::circuit::Circuit;
-use super::definition::{Effect, Operating};
+use super::definition::{Definition, Operating};
+use super::effect::Effect;
 use super::model::Model;
+use super::{bias_voltage, dark_current, prnu, saturation_clamp, start_phase};
 
 /// Measured per-pixel maps that replace what effects would draw.
 ///
@@ -74,7 +77,9 @@ impl Camera {
     pub fn with(mut self, effect: Effect) -> Self {
         self.effects.retain(|e| e.name() != effect.name());
         self.effects.push(effect);
-        let rank = |e: &Effect| super::ALL.iter().position(|d| d.name == e.name());
+        // Those of other crates come last, by their names, so that the order in which they were added says nothing.
+        let rank =
+            |e: &Effect| (super::ALL.iter().position(|d| d.name == e.name()).unwrap_or(usize::MAX), e.name());
         self.effects.sort_by_key(rank);
         self
     }
@@ -92,13 +97,13 @@ impl Camera {
         let mut twin = Self::ideal(self.sensor);
         twin.name = format!("{} (clean)", self.name);
         twin.source.clone_from(&self.source);
-        for name in ["start_phase", "saturation_clamp"] {
-            if let Some(effect) = self.effect(name) {
+        for kept in [&start_phase::EFFECT, &saturation_clamp::EFFECT] {
+            if let Some(effect) = self.effect(kept.name) {
                 twin = twin.with(effect.clone());
             }
         }
         // The mean offset of the comparator belongs to the nominal threshold.
-        if let Some(bias) = self.effect("bias_voltage") {
+        if let Some(bias) = self.effect(bias_voltage::EFFECT.name) {
             twin.sensor.swing_v += bias.values()[0];
         }
         twin
@@ -109,11 +114,11 @@ impl Camera {
     #[must_use]
     pub fn operating(&self, increment: f64) -> Operating {
         let mut circuit = Circuit::without_maps(&self.sensor);
-        let mean = |name: &str| self.effect(name).map_or(0.0, |e| e.values()[0]);
-        circuit.nominal_v += mean("bias_voltage");
-        let from_dark = circuit.thresholds_of_pa(mean("dark_current"));
+        let mean = |d: &Definition| self.effect(d.name).map_or(0.0, |e| e.values()[0]);
+        circuit.nominal_v += mean(&bias_voltage::EFFECT);
+        let from_dark = circuit.thresholds_of_pa(mean(&dark_current::EFFECT));
         let from_light = increment - from_dark;
-        let gain = self.effect("prnu").map_or(1.0, |e| e.values()[0]);
+        let gain = self.effect(prnu::EFFECT.name).map_or(1.0, |e| e.values()[0]);
         Operating {
             light: from_light / (gain * circuit.sensitivity),
             from_light,
@@ -128,8 +133,8 @@ impl Camera {
     /// Draws the fixed pattern of `seeds.camera` and collects the operations.
     ///
     /// # Errors
-    /// When a measured map has another size than the sensor, or an effect
-    /// leaves a pixel without a positive threshold.
+    /// When a measured map has another size than the sensor, an effect
+    /// leaves a pixel without a positive threshold, or an effect of another crate has the name of one of this library.
     pub fn model(&self, seeds: Seeds) -> Result<Model> {
         if let Some((whole, crop)) = self.whole()? {
             return whole.model(seeds).map(|model| model.window(crop));
@@ -138,6 +143,9 @@ impl Camera {
         let mut circuit = Circuit::nominal(&sensor);
         let mut ops = Vec::new();
         for effect in &self.effects {
+            if super::ALL.iter().any(|d| d.name == effect.name() && *d != effect.definition()) {
+                return Err(clash(effect.name()));
+            }
             effect.edit(&sensor, &mut circuit, seeds);
             ops.extend(effect.ops(&sensor));
         }

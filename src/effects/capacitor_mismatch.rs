@@ -2,20 +2,20 @@
 
 use crate::draws::pattern::Pattern;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `capacitor_mismatch`.
-pub const EFFECT: Definition = Definition {
-    name: "capacitor_mismatch",
-    summary: "The charge node's capacitance spreads over the pixels, and the threshold charge with it.",
-    source: "SCSim, arXiv 2405.16790, Algorithm 1, the map C_S",
-    params: &[Param::number("sigma", Unit::Femtofarad, (0.0, 1e3), 0.0, 0.0128, "Gaussian spread")],
-    edit,
-    ops: no_ops,
-    moments,
-};
+pub static EFFECT: Definition = Definition::new(
+    "capacitor_mismatch",
+    "The charge node's capacitance spreads over the pixels, and the threshold charge \
+     with it.",
+    "SCSim, arXiv 2405.16790, Algorithm 1, the map C_S",
+    &[Param::number("sigma", Unit::Femtofarad, (0.0, 1e3), 0.0, 0.0128, "Gaussian spread")],
+)
+.with_edit(edit)
+.with_moments(moments);
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
     if v[0] == 0.0 {

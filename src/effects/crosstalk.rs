@@ -1,22 +1,29 @@
 //! Light that reaches the neighbours.
 
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_edit};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `crosstalk`.
-pub const EFFECT: Definition = Definition {
-    name: "crosstalk",
-    summary: "A pixel gives a share of its light to its four neighbours and gets theirs; at the border the share stays.",
-    source: "optical crosstalk between microlenses; diffusion of carriers",
-    params: &[
-        Param::number("share", Unit::One, (0.0, 0.12), 0.0, 0.02, "share of the light given to the four neighbours together"),
-    ],
-    edit: no_edit,
-    ops,
-    moments,
-};
+pub static EFFECT: Definition = Definition::new(
+    "crosstalk",
+    "A pixel gives a share of its light to its four neighbours and gets theirs; at \
+     the border the share stays.",
+    "optical crosstalk between microlenses; diffusion of carriers",
+    &[Param::number(
+        "share",
+        Unit::One,
+        (0.0, 0.12),
+        0.0,
+        0.02,
+        "share of the light given to the four neighbours together",
+    )
+    .tried(Tried::amplitude((0.0, 0.12), &[0.004, 0.03]))],
+)
+.with_ops(ops)
+.with_moments(moments)
+.part_of_a_scene();
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::Crosstalk { share: v[0] }]

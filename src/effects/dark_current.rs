@@ -2,24 +2,23 @@
 
 use crate::draws::pattern::Pattern;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `dark_current`.
-pub const EFFECT: Definition = Definition {
-    name: "dark_current",
-    summary: "Charge leaks into the pixel without light; every pixel has its own current.",
-    source: "SCSim, arXiv 2405.16790, Algorithm 1",
-    params: &[
+pub static EFFECT: Definition = Definition::new(
+    "dark_current",
+    "Charge leaks into the pixel without light; every pixel has its own current.",
+    "SCSim, arXiv 2405.16790, Algorithm 1",
+    &[
         Param::number("mean", Unit::Picoampere, (-1e3, 1e6), 0.0, 0.4442, "mean over the pixels"),
         Param::number("sigma", Unit::Picoampere, (0.0, 1e6), 0.0, 0.1731, "Gaussian spread over the pixels"),
         Param::choice("negative", &["kept", "zero"], 1, "what becomes of negative currents"),
     ],
-    edit,
-    ops: no_ops,
-    moments,
-};
+)
+.with_edit(edit)
+.with_moments(moments);
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
     for (dark, z) in circuit.dark_pa.iter_mut().zip(pattern.normals_if(v[1] != 0.0)) {

@@ -2,27 +2,22 @@
 
 use crate::draws::pattern::Pattern;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `dark_tail`.
-pub const EFFECT: Definition = Definition {
-    name: "dark_tail",
-    summary: "The dark current is multiplied by a log-normal factor of mean one, which gives it a hot tail and no negatives.",
-    source: "calibration maps of a 400x250 camera: sigma of the logarithm 0.43, none negative",
-    params: &[Param::number(
-        "log_sigma",
-        Unit::One,
-        (0.0, 3.0),
-        0.0,
-        0.43,
-        "standard deviation of the logarithm",
-    )],
-    edit,
-    ops: no_ops,
-    moments,
-};
+pub static EFFECT: Definition = Definition::new(
+    "dark_tail",
+    "The dark current is multiplied by a log-normal factor of mean one, which gives \
+     it a hot tail and no negatives.",
+    "calibration maps of a 400x250 camera: sigma of the logarithm 0.43, none negative",
+    &[Param::number("log_sigma", Unit::One, (0.0, 3.0), 0.0, 0.43, "standard deviation of the logarithm")
+        .tried(Tried::deviation((0.0, 1.5), &[0.2, 0.5]))],
+)
+.with_edit(edit)
+.with_moments(moments)
+.part_of_a_scene();
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
     if v[0] == 0.0 {

@@ -2,20 +2,22 @@
 
 use crate::draws::pattern::Pattern;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::effects::definition::{Definition, Events, Moments, Operating, Param, Tried, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `dead_pixels`.
-pub const EFFECT: Definition = Definition {
-    name: "dead_pixels",
-    summary: "A share of the pixels gathers no charge at all.",
-    source: "low-light recordings of a real camera",
-    params: &[Param::number("fraction", Unit::One, (0.0, 1.0), 0.0, 0.003, "share of the pixels")],
-    edit,
-    ops: no_ops,
-    moments,
-};
+pub static EFFECT: Definition = Definition::new(
+    "dead_pixels",
+    "A share of the pixels gathers no charge at all.",
+    "low-light recordings of a real camera",
+    &[Param::number("fraction", Unit::One, (0.0, 1.0), 0.0, 0.003, "share of the pixels")
+        .tried(Tried::amplitude((0.0, 0.05), &[0.005]))],
+)
+.with_edit(edit)
+.with_moments(moments)
+.part_of_a_scene()
+.with_events(Events::Pixels);
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
     if v[0] == 0.0 {

@@ -2,27 +2,29 @@
 
 use crate::draws::pattern::Pattern;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `edge_columns`.
-pub const EFFECT: Definition = Definition {
-    name: "edge_columns",
-    summary: "Pixels of the first and last column and row have another gain, since no neighbour shares their light.",
-    source: "calibration maps of a 400x250 camera: the first column differs",
-    params: &[Param::number(
+pub static EFFECT: Definition = Definition::new(
+    "edge_columns",
+    "Pixels of the first and last column and row have another gain, since no \
+     neighbour shares their light.",
+    "calibration maps of a 400x250 camera: the first column differs",
+    &[Param::number(
         "factor",
         Unit::One,
         (0.0, 4.0),
         1.0,
         1.1,
         "gain of the border over that of the other pixels",
-    )],
-    edit,
-    ops: no_ops,
-    moments,
-};
+    )
+    .tried(Tried::amplitude((0.3, 3.0), &[1.02, 1.1, 1.4, 0.9]))],
+)
+.with_edit(edit)
+.with_moments(moments)
+.part_of_a_scene();
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, _: &mut Pattern) {
     let (width, height) = (circuit.geometry.width(), circuit.geometry.height());

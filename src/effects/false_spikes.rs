@@ -1,20 +1,20 @@
 //! Silent readouts that report a spike.
 
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_edit};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `false_spikes`.
-pub const EFFECT: Definition = Definition {
-    name: "false_spikes",
-    summary: "A silent readout reports a spike that the pixel did not make.",
-    source: "bit errors; SpikingSIM's inherent noise",
-    params: &[Param::number("probability", Unit::One, (0.0, 1.0), 0.0, 1e-3, "per silent readout")],
-    edit: no_edit,
-    ops,
-    moments,
-};
+pub static EFFECT: Definition = Definition::new(
+    "false_spikes",
+    "A silent readout reports a spike that the pixel did not make.",
+    "bit errors; SpikingSIM's inherent noise",
+    &[Param::number("probability", Unit::One, (0.0, 1.0), 0.0, 1e-3, "per silent readout")
+        .tried(Tried::amplitude((0.0, 0.05), &[4e-6, 6e-5, 1e-3]))],
+)
+.with_ops(ops)
+.with_moments(moments);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::Flip { missed: 0.0, spurious: v[0] }]

@@ -2,27 +2,30 @@
 
 use crate::draws::pattern::Pattern;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `gain_dark_correlation`.
-pub const EFFECT: Definition = Definition {
-    name: "gain_dark_correlation",
-    summary: "Pixels of high gain have a high dark current (or a low one); both spreads stay what they are.",
-    source: "a larger diode gathers more light and leaks more",
-    params: &[Param::number(
+pub static EFFECT: Definition = Definition::new(
+    "gain_dark_correlation",
+    "Pixels of high gain have a high dark current (or a low one); both spreads stay \
+     what they are.",
+    "a larger diode gathers more light and leaks more",
+    &[Param::number(
         "correlation",
         Unit::One,
         (-1.0, 1.0),
         0.0,
         0.4,
         "correlation of gain and dark current over the pixels",
-    )],
-    edit,
-    ops: no_ops,
-    moments,
-};
+    )
+    .tried(Tried::amplitude((-1.0, 1.0), &[0.3, -0.3]))],
+)
+.with_edit(edit)
+.with_moments(moments)
+.part_of_a_scene()
+.coupling_the_spreads();
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, _: &mut Pattern) {
     let (gain, dark) = (Spread::of(&circuit.gain), Spread::of(&circuit.dark_pa));

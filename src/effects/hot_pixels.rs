@@ -2,23 +2,26 @@
 
 use crate::draws::pattern::Pattern;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::effects::definition::{Definition, Events, Moments, Operating, Param, Tried, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `hot_pixels`.
-pub const EFFECT: Definition = Definition {
-    name: "hot_pixels",
-    summary: "A share of the pixels has many times the mean dark current.",
-    source: "calibration maps: 0.69 % of the pixels above five robust deviations",
-    params: &[
-        Param::number("fraction", Unit::One, (0.0, 1.0), 0.0, 0.007, "share of the pixels"),
-        Param::number("factor", Unit::One, (0.0, 1e4), 1.0, 8.0, "their dark current over the mean"),
+pub static EFFECT: Definition = Definition::new(
+    "hot_pixels",
+    "A share of the pixels has many times the mean dark current.",
+    "calibration maps: 0.69 % of the pixels above five robust deviations",
+    &[
+        Param::number("fraction", Unit::One, (0.0, 1.0), 0.0, 0.007, "share of the pixels")
+            .tried(Tried::amplitude((0.0, 0.05), &[0.004])),
+        Param::number("factor", Unit::One, (0.0, 1e4), 1.0, 8.0, "their dark current over the mean")
+            .tried(Tried::shape((1.5, 60.0), &[5.0, 12.0])),
     ],
-    edit,
-    ops: no_ops,
-    moments,
-};
+)
+.with_edit(edit)
+.with_moments(moments)
+.part_of_a_scene()
+.with_events(Events::Pixels);
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
     if v[0] == 0.0 {

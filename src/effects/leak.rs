@@ -1,22 +1,29 @@
 //! Stored charge leaks away.
 
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_edit};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `leak`.
-pub const EFFECT: Definition = Definition {
-    name: "leak",
-    summary: "At every readout the stored charge loses a share of itself, before new charge arrives.",
-    source: "junction leakage in proportion to the stored voltage",
-    params: &[
-        Param::number("fraction_per_readout", Unit::One, (0.0, 4e-3), 0.0, 5e-4, "lost share of the stored charge"),
-    ],
-    edit: no_edit,
-    ops,
-    moments,
-};
+pub static EFFECT: Definition = Definition::new(
+    "leak",
+    "At every readout the stored charge loses a share of itself, before new charge \
+     arrives.",
+    "junction leakage in proportion to the stored voltage",
+    &[Param::number(
+        "fraction_per_readout",
+        Unit::One,
+        (0.0, 4e-3),
+        0.0,
+        5e-4,
+        "lost share of the stored charge",
+    )
+    .tried(Tried::amplitude((0.0, 4e-3), &[4e-5, 5e-4]))],
+)
+.with_ops(ops)
+.with_moments(moments)
+.part_of_a_scene();
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::Leak { fraction: v[0] }]

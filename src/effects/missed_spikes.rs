@@ -1,20 +1,20 @@
 //! Spikes that the readout loses.
 
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_edit};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `missed_spikes`.
-pub const EFFECT: Definition = Definition {
-    name: "missed_spikes",
-    summary: "A spike is not reported; the charge is gone all the same.",
-    source: "bit errors",
-    params: &[Param::number("probability", Unit::One, (0.0, 1.0), 0.0, 1e-3, "per spike")],
-    edit: no_edit,
-    ops,
-    moments,
-};
+pub static EFFECT: Definition = Definition::new(
+    "missed_spikes",
+    "A spike is not reported; the charge is gone all the same.",
+    "bit errors",
+    &[Param::number("probability", Unit::One, (0.0, 1.0), 0.0, 1e-3, "per spike")
+        .tried(Tried::amplitude((0.0, 0.2), &[1e-4, 2e-3, 0.02]))],
+)
+.with_ops(ops)
+.with_moments(moments);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::Flip { missed: v[0], spurious: 0.0 }]

@@ -1,23 +1,30 @@
 //! Everything that makes a pixel imperfect: one file per effect.
 //!
 //! An effect edits the circuit of the pixels, or names operations that every
-//! readout carries out, and predicts what an observer will see. To add one,
-//! write its file and its line in the list below; it then has its keys in
-//! presets and on the command line, every backend, its row in the docs and
-//! its property tests.
+//! readout carries out, predicts what an observer will see, and says where a
+//! diagnosis looks for it. To add one, write its file and its line in the list
+//! below; it then has its keys in presets and on the command line, every
+//! backend, its place in a diagnosis, its row in the docs and its property
+//! tests. A crate that uses this one brings its own: see [`Catalogue`].
 
 mod camera;
+mod catalogue;
 pub mod circuit;
 pub mod definition;
+mod effect;
 mod model;
+mod param;
+mod tried;
 mod window;
 
 pub use camera::{Camera, Maps};
+pub use catalogue::Catalogue;
 pub use circuit::Circuit;
-pub use definition::{Definition, Effect, Moments, Operating, Param};
+pub use definition::{Definition, Events, Moments, Operating, Param, Tried};
+pub use effect::Effect;
 pub use model::{Model, Phases};
 
-use crate::error::{Error, Kind, Result};
+use crate::error::Result;
 
 macro_rules! effects {
     ($($name:ident),* $(,)?) => {
@@ -68,16 +75,10 @@ effects![
     repeated_readouts,
 ];
 
-/// The effect called `name`.
+/// The effect of this library that is called `name`.
 ///
 /// # Errors
 /// When there is none; the error lists those there are.
 pub fn find(name: &str) -> Result<&'static Definition> {
-    ALL.iter().copied().find(|d| d.name == name).ok_or_else(|| {
-        let names: Vec<_> = ALL.iter().map(|d| d.name).collect();
-        Error::new(Kind::Config, "effect")
-            .found(format_args!("\"{name}\""))
-            .expected(format_args!("one of {}", names.join(", ")))
-            .or_nearest(name, names)
-    })
+    Catalogue::new().find(name)
 }

@@ -2,23 +2,23 @@
 
 use crate::draws::pattern::Pattern;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `prnu`.
-pub const EFFECT: Definition = Definition {
-    name: "prnu",
-    summary: "Every pixel turns light into charge with its own gain; the dark current does not see it.",
-    source: "SCSim, arXiv 2405.16790, Algorithm 1, the map alpha",
-    params: &[
+pub static EFFECT: Definition = Definition::new(
+    "prnu",
+    "Every pixel turns light into charge with its own gain; the dark current does not \
+     see it.",
+    "SCSim, arXiv 2405.16790, Algorithm 1, the map alpha",
+    &[
         Param::number("mean", Unit::One, (0.0, 100.0), 1.0, 1.0, "mean gain"),
         Param::number("sigma", Unit::One, (0.0, 1.0), 0.0, 0.02, "Gaussian spread of the gain"),
     ],
-    edit,
-    ops: no_ops,
-    moments,
-};
+)
+.with_edit(edit)
+.with_moments(moments);
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
     for (gain, z) in circuit.gain.iter_mut().zip(pattern.normals_if(v[1] != 0.0)) {

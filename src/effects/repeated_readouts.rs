@@ -1,22 +1,21 @@
 //! Readouts that are written twice.
 
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_edit};
+use crate::effects::definition::{Definition, Events, Moments, Operating, Param, Tried, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `repeated_readouts`.
-pub const EFFECT: Definition = Definition {
-    name: "repeated_readouts",
-    summary: "All bits of a readout are replaced by those of the readout before it.",
-    source: "a sender that repeats its buffer when the next readout is late",
-    params: &[
-        Param::number("probability", Unit::One, (0.0, 0.5), 0.0, 1e-3, "per readout"),
-    ],
-    edit: no_edit,
-    ops,
-    moments,
-};
+pub static EFFECT: Definition = Definition::new(
+    "repeated_readouts",
+    "All bits of a readout are replaced by those of the readout before it.",
+    "a sender that repeats its buffer when the next readout is late",
+    &[Param::number("probability", Unit::One, (0.0, 0.5), 0.0, 1e-3, "per readout")
+        .tried(Tried::amplitude((0.0, 0.2), &[0.001, 0.01]))],
+)
+.with_ops(ops)
+.with_moments(moments)
+.with_events(Events::RepeatedReadouts);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::RepeatReadouts { probability: v[0] }]

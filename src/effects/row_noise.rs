@@ -1,22 +1,28 @@
 //! Noise that a row shares.
 
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_edit};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `row_noise`.
-pub const EFFECT: Definition = Definition {
-    name: "row_noise",
-    summary: "At every readout all thresholds of a row move together: compared with and subtracted.",
-    source: "row noise of EMVA 1288: the line driver and its supply",
-    params: &[
-        Param::number("sigma", Unit::One, (0.0, 0.06), 0.0, 0.005, "standard deviation relative to the threshold"),
-    ],
-    edit: no_edit,
-    ops,
-    moments,
-};
+pub static EFFECT: Definition = Definition::new(
+    "row_noise",
+    "At every readout all thresholds of a row move together: compared with and \
+     subtracted.",
+    "row noise of EMVA 1288: the line driver and its supply",
+    &[Param::number(
+        "sigma",
+        Unit::One,
+        (0.0, 0.06),
+        0.0,
+        0.005,
+        "standard deviation relative to the threshold",
+    )
+    .tried(Tried::deviation((0.0, 0.05), &[0.002, 0.012]))],
+)
+.with_ops(ops)
+.with_moments(moments);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::RowNoise { sigma: v[0] }]

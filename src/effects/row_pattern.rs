@@ -2,27 +2,29 @@
 
 use crate::draws::pattern::Pattern;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `row_pattern`.
-pub const EFFECT: Definition = Definition {
-    name: "row_pattern",
-    summary: "All pixels of a row share an offset of the threshold, since they share its comparator supply.",
-    source: "column and row fixed-pattern noise of EMVA 1288, release 4.0, section 4",
-    params: &[Param::number(
+pub static EFFECT: Definition = Definition::new(
+    "row_pattern",
+    "All pixels of a row share an offset of the threshold, since they share its \
+     comparator supply.",
+    "column and row fixed-pattern noise of EMVA 1288, release 4.0, section 4",
+    &[Param::number(
         "sigma",
         Unit::One,
         (0.0, 0.1),
         0.0,
         0.01,
         "Gaussian spread over the rows, relative to the nominal threshold",
-    )],
-    edit,
-    ops: no_ops,
-    moments,
-};
+    )
+    .tried(Tried::deviation((0.0, 0.1), &[0.006, 0.025]))],
+)
+.with_edit(edit)
+.with_moments(moments)
+.part_of_a_scene();
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
     if v[0] == 0.0 {

@@ -1,16 +1,16 @@
 //! Photon shot noise: light arrives in whole quanta.
 
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_edit};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Values};
 use crate::pixel::{Op, Quanta};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `shot_noise`.
-pub const EFFECT: Definition = Definition {
-    name: "shot_noise",
-    summary: "Light arrives in quanta; the number in a readout is Poisson.",
-    source: "SCSim, arXiv 2405.16790, Algorithm 1; Poisson statistics",
-    params: &[
+pub static EFFECT: Definition = Definition::new(
+    "shot_noise",
+    "Light arrives in quanta; the number in a readout is Poisson.",
+    "SCSim, arXiv 2405.16790, Algorithm 1; Poisson statistics",
+    &[
         Param::number(
             "strength",
             Unit::One,
@@ -34,10 +34,9 @@ pub const EFFECT: Definition = Definition {
             "photons in a nominal threshold of light, when photons are counted",
         ),
     ],
-    edit: no_edit,
-    ops,
-    moments,
-};
+)
+.with_ops(ops)
+.with_moments(moments);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     let quanta = if v[1] == 0.0 { Quanta::Electrons } else { Quanta::Photons(v[2]) };

@@ -2,30 +2,34 @@
 
 use crate::draws::pattern::Pattern;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `smooth_prnu`.
-pub const EFFECT: Definition = Definition {
-    name: "smooth_prnu",
-    summary: "The gain varies smoothly over the sensor: white noise blurred by a Gaussian, of variance one before the spread.",
-    source: "doping and thickness gradients of a wafer; low-frequency PRNU of EMVA 1288",
-    params: &[
-        Param::number("sigma", Unit::One, (0.0, 0.1), 0.0, 0.01, "spread of the gain"),
+pub static EFFECT: Definition = Definition::new(
+    "smooth_prnu",
+    "The gain varies smoothly over the sensor: white noise blurred by a Gaussian, of \
+     variance one before the spread.",
+    "doping and thickness gradients of a wafer; low-frequency PRNU of EMVA 1288",
+    &[
+        Param::number("sigma", Unit::One, (0.0, 0.1), 0.0, 0.01, "spread of the gain")
+            .tried(Tried::deviation((0.0, 0.1), &[0.02])),
         Param::number(
             "length",
             Unit::Pixel,
             (0.5, 64.0),
             3.0,
             3.0,
-            "standard deviation of the blur; the correlation falls to 1/e at twice this distance",
-        ),
+            "standard deviation of the blur; the correlation falls to 1/e at twice this \
+     distance",
+        )
+        .tried(Tried::shape((0.5, 20.0), &[1.0, 2.0, 4.5])),
     ],
-    edit,
-    ops: no_ops,
-    moments,
-};
+)
+.with_edit(edit)
+.with_moments(moments)
+.part_of_a_scene();
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
     if v[0] == 0.0 {

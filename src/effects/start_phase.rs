@@ -1,16 +1,17 @@
 //! The charge that pixels hold when the recording starts.
 
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_edit};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `start_phase`.
-pub const EFFECT: Definition = Definition {
-    name: "start_phase",
-    summary: "Every pixel starts at a random phase of its cycle; without it a flat scene fires in synchronised bursts.",
-    source: "uniform in real recordings; U[0,1) fC in the published code of SCSim",
-    params: &[
+pub static EFFECT: Definition = Definition::new(
+    "start_phase",
+    "Every pixel starts at a random phase of its cycle; without it a flat scene fires \
+     in synchronised bursts.",
+    "uniform in real recordings; U[0,1) fC in the published code of SCSim",
+    &[
         Param::number(
             "share",
             Unit::One,
@@ -28,10 +29,9 @@ pub const EFFECT: Definition = Definition {
             "uniform over this charge, added to the former; set it to 0 for a share alone",
         ),
     ],
-    edit: no_edit,
-    ops,
-    moments,
-};
+)
+.with_ops(ops)
+.with_moments(moments);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::Phase { share: v[0], charge_fc: v[1] }]

@@ -2,25 +2,37 @@
 
 use crate::draws::pattern::Pattern;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
-/// The effect `telegraph_dark`.
-pub const EFFECT: Definition = Definition {
-    name: "telegraph_dark",
-    summary: "The dark current of some pixels switches at random between two values, equally far from its mean.",
-    source: "random telegraph signal of single traps, as in active-pixel sensors",
-    params: &[
-        Param::number("amplitude", Unit::One, (0.0, 1.0), 0.0, 0.3, "distance of both values from the mean, relative to the pixel's dark current"),
-        Param::number("pixels", Unit::One, (0.0, 1.0), 0.0, 0.05, "share of the pixels"),
-        Param::number("rate", Unit::One, (0.0, 0.5), 1e-3, 1e-3, "probability of switching per readout"),
+/// The effect `telegraph_dark`. Its counts of odd intervals set in and saturate within a decade: tried from a tenth of
+/// a current on, weak ones looked like false spikes.
+pub static EFFECT: Definition = Definition::new(
+    "telegraph_dark",
+    "The dark current of some pixels switches at random between two values, equally \
+     far from its mean.",
+    "random telegraph signal of single traps, as in active-pixel sensors",
+    &[
+        Param::number(
+            "amplitude",
+            Unit::One,
+            (0.0, 1.0),
+            0.0,
+            0.3,
+            "distance of both values from the mean, relative to the pixel's dark current",
+        )
+        .tried(Tried::amplitude((0.0, 1.0), &[0.008, 0.03, 0.15])),
+        Param::number("pixels", Unit::One, (0.0, 1.0), 0.0, 0.05, "share of the pixels")
+            .tried(Tried::shape((0.01, 1.0), &[0.2])),
+        Param::number("rate", Unit::One, (0.0, 0.5), 1e-3, 1e-3, "probability of switching per readout")
+            .tried(Tried::shape((1e-4, 1e-2), &[1e-3])),
     ],
-    edit,
-    ops,
-    moments,
-};
+)
+.with_edit(edit)
+.with_ops(ops)
+.with_moments(moments);
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
     if v[0] == 0.0 || v[1] == 0.0 {

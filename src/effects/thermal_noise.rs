@@ -1,17 +1,19 @@
 //! Thermal noise of the threshold: kTC noise of the reset, and any further noise given in volts.
 
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_edit};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Values};
 use crate::pixel::{Op, Redraw};
 use crate::sensor::Sensor;
 use crate::units::BOLTZMANN_J_PER_K;
 use crate::units::Unit;
 
 /// The effect `thermal_noise`.
-pub const EFFECT: Definition = Definition {
-    name: "thermal_noise",
-    summary: "The threshold carries noise, compared with and subtracted; drawn at every readout or frozen from reset to reset.",
-    source: "SCSim, arXiv 2405.16790, Algorithm 1, V_T; kT/C; psi from the mean of the largest draw",
-    params: &[
+pub static EFFECT: Definition = Definition::new(
+    "thermal_noise",
+    "The threshold carries noise, compared with and subtracted; drawn at every \
+     readout or frozen from reset to reset.",
+    "SCSim, arXiv 2405.16790, Algorithm 1, V_T; kT/C; psi from the mean of the \
+     largest draw",
+    &[
         Param::number(
             "temperature",
             Unit::Kelvin,
@@ -23,10 +25,9 @@ pub const EFFECT: Definition = Definition {
         Param::number("sigma", Unit::Volt, (0.0, 1.0), 0.0, 0.0, "further noise, added in quadrature"),
         Param::choice("redraw", &["every-reset", "every-readout"], 0, "when a new value is drawn"),
     ],
-    edit: no_edit,
-    ops,
-    moments,
-};
+)
+.with_ops(ops)
+.with_moments(moments);
 
 fn ops(v: Values<'_>, sensor: &Sensor) -> Vec<Op> {
     let redraw = if v[2] == 0.0 { Redraw::EveryReset } else { Redraw::EveryReadout };

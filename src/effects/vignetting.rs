@@ -2,27 +2,22 @@
 
 use crate::draws::pattern::Pattern;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values, no_ops};
+use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `vignetting`.
-pub const EFFECT: Definition = Definition {
-    name: "vignetting",
-    summary: "The gain falls with the square of the distance from the centre; not separable from uneven light.",
-    source: "calibration maps: 15 % from centre to corner",
-    params: &[Param::number(
-        "strength",
-        Unit::One,
-        (0.0, 1.0),
-        0.0,
-        0.15,
-        "lost share of the light at the corners",
-    )],
-    edit,
-    ops: no_ops,
-    moments,
-};
+pub static EFFECT: Definition = Definition::new(
+    "vignetting",
+    "The gain falls with the square of the distance from the centre; not separable \
+     from uneven light.",
+    "calibration maps: 15 % from centre to corner",
+    &[Param::number("strength", Unit::One, (0.0, 1.0), 0.0, 0.15, "lost share of the light at the corners")
+        .tried(Tried::amplitude((0.0, 0.5), &[0.04, 0.2]))],
+)
+.with_edit(edit)
+.with_moments(moments)
+.part_of_a_scene();
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, _: &mut Pattern) {
     let (width, height) = (circuit.geometry.width(), circuit.geometry.height());

@@ -2,9 +2,9 @@
 
 use std::borrow::Cow;
 
-use crate::effects::Camera;
+use crate::effects::{Camera, Catalogue};
 use crate::error::{Error, Kind, Result};
-use crate::presets::file::parse_with;
+use crate::presets::file::parse_maps;
 use crate::presets::maps::Files;
 use crate::presets::to_toml;
 
@@ -38,6 +38,14 @@ pub fn to_bytes(camera: &Camera) -> Result<Vec<u8>> {
 /// # Errors
 /// [`Kind::Input`] when the bytes are none of this version, or were cut short; otherwise as [`super::parse`].
 pub fn from_bytes(bytes: &[u8]) -> Result<Camera> {
+    from_bytes_with(bytes, &Catalogue::new())
+}
+
+/// The same for a camera that may have any of `effects`.
+///
+/// # Errors
+/// As [`from_bytes`].
+pub fn from_bytes_with(bytes: &[u8], effects: &Catalogue) -> Result<Camera> {
     let bad = |found: &str| {
         Error::new(Kind::Input, "camera bytes")
             .found(found)
@@ -58,7 +66,7 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Camera> {
     }
     let Some((text, maps)) = blocks.split_first() else { return Err(bad("bytes that end too early")) };
     let text = std::str::from_utf8(text).map_err(|_| bad("text that is no UTF-8"))?;
-    parse_with(text, &Inside(maps))
+    parse_maps(text, &Inside(maps), effects)
 }
 
 /// Names and files in turn.

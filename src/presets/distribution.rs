@@ -5,9 +5,9 @@ use toml::{Table, Value};
 use crate::draws::pattern::Pattern;
 use crate::draws::{Seeds, Stream};
 use crate::effects::definition::Form;
-use crate::effects::{self, Camera};
+use crate::effects::{Camera, Catalogue};
 use crate::error::{Error, Kind, Result};
-use crate::presets::file::{number_unit, parse, text_of};
+use crate::presets::file::{number_unit, parse_with, text_of};
 use crate::units::Unit;
 
 /// Cameras of which some numbers are drawn from ranges, each independent of the others.
@@ -19,6 +19,7 @@ pub struct Distribution {
     text: String,
     table: Table,
     ranges: Vec<Range>,
+    effects: Catalogue,
 }
 
 /// A number and what it is drawn from.
@@ -41,7 +42,12 @@ impl Default for Distribution {
     fn default() -> Self {
         let text = include_str!("distribution.toml");
         // The text is part of the program, and a test reads it.
-        Self::parse(text).unwrap_or(Self { text: text.to_owned(), table: Table::new(), ranges: Vec::new() })
+        Self::parse(text).unwrap_or(Self {
+            text: text.to_owned(),
+            table: Table::new(),
+            ranges: Vec::new(),
+            effects: Catalogue::new(),
+        })
     }
 }
 
@@ -49,9 +55,17 @@ impl Distribution {
     /// Reads the text of a distribution; a camera file without maps is one that always gives this camera.
     ///
     /// # Errors
-    /// As [`parse`]; when a range is no pair of numbers in rising order, or a logarithmic one does not begin above zero;
+    /// As [`crate::presets::parse`]; when a range is no pair of numbers in rising order, or a logarithmic one does not begin above zero;
     /// when the text refers to maps, which are one camera's.
     pub fn parse(text: &str) -> Result<Self> {
+        Self::parse_with(text, &Catalogue::new())
+    }
+
+    /// The same for cameras that may have any of `effects`.
+    ///
+    /// # Errors
+    /// As [`Distribution::parse`].
+    pub fn parse_with(text: &str, effects: &Catalogue) -> Result<Self> {
         let table: Table = toml::from_str(text)
             .map_err(|e| Error::new(Kind::Config, "camera distribution").found(e.to_string().trim_end()))?;
         if table.contains_key("maps") {
@@ -63,11 +77,11 @@ impl Distribution {
         let mut ranges = Vec::new();
         for_each_number(&table, &mut |key, value| {
             if let Value::Table(range) = value {
-                ranges.push(Range::read(key, range).map_err(|e| e.within(key))?);
+                ranges.push(Range::read(key, range, effects).map_err(|e| e.within(key))?);
             }
             Ok(())
         })?;
-        let whole = Self { text: text.to_owned(), table, ranges };
+        let whole = Self { text: text.to_owned(), table, ranges, effects: effects.clone() };
         // Both ends are cameras, so that no draw fails for its range.
         whole.camera(&|range| range.low)?;
         whole.camera(&|range| range.high)?;
@@ -112,13 +126,13 @@ impl Distribution {
             put(&mut table, &range.key, value);
         }
         let text = toml::to_string(&table).map_err(|e| Error::new(Kind::Config, "camera file").found(e))?;
-        parse(&text, None)
+        parse_with(&text, None, &self.effects)
     }
 }
 
 impl Range {
-    fn read(key: &str, table: &Table) -> Result<Self> {
-        let unit = unit_of(key)?;
+    fn read(key: &str, table: &Table, effects: &Catalogue) -> Result<Self> {
+        let unit = unit_of(key, effects)?;
         let bad = |found: &dyn std::fmt::Display| {
             Error::new(Kind::Config, "range")
                 .found(found)
@@ -167,7 +181,7 @@ fn for_each_number(table: &Table, tell: &mut dyn FnMut(&str, &Value) -> Result<(
     Ok(())
 }
 
-fn unit_of(key: &str) -> Result<Unit> {
+fn unit_of(key: &str, effects: &Catalogue) -> Result<Unit> {
     let parts: Vec<&str> = key.split('.').collect();
     let refused = |found: &str| {
         Error::new(Kind::Config, "range").found(found).expected("a number of the sensor or of an effect")
@@ -175,7 +189,7 @@ fn unit_of(key: &str) -> Result<Unit> {
     match parts[..] {
         ["sensor", key] => number_unit(key).ok_or_else(|| refused("a number of pixels")),
         ["effects", name, key] => {
-            let definition = effects::find(name)?;
+            let definition = effects.find(name)?;
             match definition.params[definition.index(key)?].form {
                 Form::Number { unit, .. } => Ok(unit),
                 Form::Choice(_) => Err(refused("a choice of words")),

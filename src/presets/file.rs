@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use toml::Table;
 use toml::Value;
 
-use crate::effects::{self, Camera};
+use crate::effects::{Camera, Catalogue, Effect};
 use crate::error::{Error, Kind, Result};
 use crate::presets::maps::{Files, Folder};
 use crate::presets::{default_sensor, light, maps};
@@ -69,10 +69,18 @@ struct SensorTable {
 /// When the text is no TOML, a key is unknown, a unit wrong or missing, a
 /// value out of range, a map missing or changed, or the window outside the sensor.
 pub fn parse(text: &str, folder: Option<&Path>) -> Result<Camera> {
-    parse_with(text, &Folder(folder))
+    parse_with(text, folder, &Catalogue::new())
 }
 
-pub(super) fn parse_with(text: &str, maps: &dyn Files) -> Result<Camera> {
+/// The same for a camera file that may have any of `effects`.
+///
+/// # Errors
+/// As [`parse`].
+pub fn parse_with(text: &str, folder: Option<&Path>, effects: &Catalogue) -> Result<Camera> {
+    parse_maps(text, &Folder(folder), effects)
+}
+
+pub(super) fn parse_maps(text: &str, maps: &dyn Files, effects: &Catalogue) -> Result<Camera> {
     let file: File = toml::from_str(text).map_err(|e| {
         Error::new(Kind::Config, "camera file")
             .found(e.to_string().trim_end())
@@ -83,7 +91,8 @@ pub(super) fn parse_with(text: &str, maps: &dyn Files) -> Result<Camera> {
     camera.source = file.source;
     camera.light = file.light.front_end().map_err(|e| e.within("light"))?;
     for (name, table) in &file.effects {
-        camera = camera.with(effect(name, table).map_err(|e| e.within(format_args!("effects.{name}")))?);
+        camera =
+            camera.with(effect(name, table, effects).map_err(|e| e.within(format_args!("effects.{name}")))?);
     }
     camera.maps = file.maps.load(maps, camera.sensor.geometry)?;
     match &file.window {
@@ -129,8 +138,8 @@ pub(super) fn number_unit(key: &str) -> Option<Unit> {
     QUANTITIES.iter().find(|q| q.0 == key).map(|q| q.1)
 }
 
-fn effect(name: &str, table: &Value) -> Result<effects::Effect> {
-    let mut effect = effects::find(name)?.neutral();
+fn effect(name: &str, table: &Value, effects: &Catalogue) -> Result<Effect> {
+    let mut effect = effects.find(name)?.neutral();
     let Value::Table(table) = table else {
         return Err(Error::new(Kind::Config, name).found(table).expected("a table of parameters"));
     };

@@ -7,14 +7,14 @@ mod light;
 mod maps;
 mod write;
 
-pub use bytes::{from_bytes, to_bytes};
+pub use bytes::{from_bytes, from_bytes_with, to_bytes};
 pub use distribution::{Distribution, Range};
-pub use file::parse;
+pub use file::{parse, parse_with};
 pub use write::{Saved, to_toml};
 
 use std::path::Path;
 
-use crate::effects::Camera;
+use crate::effects::{Camera, Catalogue};
 use crate::error::{Error, Kind, Result};
 use crate::sensor::Sensor;
 
@@ -96,13 +96,21 @@ pub fn builtin(name: &str) -> Result<Camera> {
 /// # Errors
 /// When there is neither, or the file describes no camera.
 pub fn load(name_or_path: &str) -> Result<Camera> {
+    load_with(name_or_path, &Catalogue::new())
+}
+
+/// The same for a camera file that may have any of `effects`.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with(name_or_path: &str, effects: &Catalogue) -> Result<Camera> {
     let path = Path::new(name_or_path);
     if !name_or_path.ends_with(".toml") && !path.is_file() {
         return builtin(name_or_path);
     }
     let text = std::fs::read_to_string(path).map_err(|e| Error::io(path.display(), e))?;
     let folder = path.parent().unwrap_or(Path::new("."));
-    parse(&text, Some(folder)).map_err(|e| e.within(path.display()))
+    parse_with(&text, Some(folder), effects).map_err(|e| e.within(path.display()))
 }
 
 #[cfg(test)]

@@ -48,7 +48,7 @@ pub fn record(
         write_set(&sensor, size, take, &path);
         RecordingSet::open(&path.join("recordings.toml")).unwrap()
     });
-    let options = Options { camera: None, reference: Some(reference), seed: 1, extent: Extent::Enough };
+    let options = Options { reference: Some(reference), seed: 1, ..Options::default() };
     let found = diagnose(&sets[0], Some(&sets[1]), options, &mut |what, _| phases.enter(what));
     phases.enter("");
     let said = match &found {

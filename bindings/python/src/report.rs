@@ -153,7 +153,7 @@ pub fn diagnose(
         let set = RecordingSet::open(&recordings)?;
         let holdout = holdout.as_deref().map(RecordingSet::open).transpose()?;
         let extent = if everything { Extent::Everything } else { Extent::Enough };
-        let options = Diagnosing { camera, reference: None, seed, extent };
+        let options = Diagnosing { camera, seed, extent, ..Diagnosing::default() };
         let found =
             spikelane::diagnose::diagnose(&set, holdout.as_ref(), options, &mut |_, share| tell(share))?;
         let json = value(&found)?;

@@ -3,6 +3,12 @@
 use crate::diagnose::null::reference::Reference;
 use crate::diagnose::search::round::tied;
 use crate::diagnose::search::round::{Entrant, Round};
+use crate::effects::{
+    Definition, adaptation, column_pattern, comparator_noise, crosstalk, dark_shot_noise, dark_tail,
+    dead_time, dropped_readouts, edge_columns, false_spikes, flicker, gain_drift, hot_pixels, image_lag,
+    leak, missed_spikes, partial_reset, repeated_readouts, response_nonlinearity, row_noise, row_pattern,
+    saturation_clamp, slow_threshold_noise, smooth_prnu, spike_coupling, telegraph_dark, vignetting,
+};
 
 /// Deviations at which two fitted models count as told apart.
 const APART: f64 = 5.0;
@@ -11,41 +17,66 @@ const APART: f64 = 5.0;
 const LONGEST: f64 = 400.0;
 
 /// Effects that look alike for one reason, and the recording in which they do not.
-const FAMILIES: [(&[&str], &str); 8] = [
+const FAMILIES: [(&[&Definition], &str); 8] = [
     (
-        &["dead_time", "response_nonlinearity", "partial_reset", "adaptation", "saturation_clamp", "leak"],
+        &[
+            &dead_time::EFFECT,
+            &response_nonlinearity::EFFECT,
+            &partial_reset::EFFECT,
+            &adaptation::EFFECT,
+            &saturation_clamp::EFFECT,
+            &leak::EFFECT,
+        ],
         "flats at 1/2, 2/3 and 3/4 of saturation and 2 % to either side (a partial reset makes plateaus there, adaptation \
          makes an interval depend on the one before), and one light level at two temperatures (dead time and reset bend the dark \
          current's response too, a non-linear response does not)",
     ),
     (
-        &["crosstalk", "spike_coupling", "smooth_prnu"],
+        &[&crosstalk::EFFECT, &spike_coupling::EFFECT, &smooth_prnu::EFFECT],
         "a checkerboard of squares one pixel wide, and one of lower contrast: shared light follows the light of the neighbour, coupled \
          spikes come one readout after the neighbour's",
     ),
     (
-        &["false_spikes", "telegraph_dark", "hot_pixels", "dark_tail", "dark_shot_noise"],
+        &[
+            &false_spikes::EFFECT,
+            &telegraph_dark::EFFECT,
+            &hot_pixels::EFFECT,
+            &dark_tail::EFFECT,
+            &dark_shot_noise::EFFECT,
+        ],
         "a much longer dark, and one at another temperature: what the dark current does grows with it, false spikes do not, and \
          switching pixels are the same ones again",
     ),
     (
-        &["missed_spikes", "dropped_readouts", "repeated_readouts", "row_noise"],
+        &[&missed_spikes::EFFECT, &dropped_readouts::EFFECT, &repeated_readouts::EFFECT, &row_noise::EFFECT],
         "a longer flat at 0.1: a lost or repeated readout moves all pixels at once, a missed spike one pixel",
     ),
     (
-        &["vignetting", "edge_columns", "smooth_prnu", "row_pattern", "column_pattern"],
+        &[
+            &vignetting::EFFECT,
+            &edge_columns::EFFECT,
+            &smooth_prnu::EFFECT,
+            &row_pattern::EFFECT,
+            &column_pattern::EFFECT,
+        ],
         "the same flat with the lamp or the camera turned by a quarter: what belongs to the sensor turns with it",
     ),
     (
-        &["slow_threshold_noise", "gain_drift", "telegraph_dark", "flicker"],
+        &[&slow_threshold_noise::EFFECT, &gain_drift::EFFECT, &telegraph_dark::EFFECT, &flicker::EFFECT],
         "one flat ten times as long, and again after ten minutes: drift goes on, slow noise returns",
     ),
     (
-        &["image_lag", "adaptation", "slow_threshold_noise"],
+        &[&image_lag::EFFECT, &adaptation::EFFECT, &slow_threshold_noise::EFFECT],
         "a square wave of a longer half period, up to another level: lag follows the light, adaptation the spikes",
     ),
     (
-        &["comparator_noise", "row_noise", "missed_spikes", "slow_threshold_noise", "false_spikes"],
+        &[
+            &comparator_noise::EFFECT,
+            &row_noise::EFFECT,
+            &missed_spikes::EFFECT,
+            &slow_threshold_noise::EFFECT,
+            &false_spikes::EFFECT,
+        ],
         "a longer flat at 0.03: the noise of a comparison does not add up over intervals, other noise does",
     ),
 ];
@@ -72,7 +103,8 @@ fn sentence(reference: &Reference, round: &Round, other: &Entrant) -> String {
     } else {
         "no longer recording of these scenes".to_owned()
     };
-    let family = FAMILIES.iter().find(|f| f.0.contains(&round.winner) && f.0.contains(&other.name));
+    let has = |f: &[&Definition], name: &str| f.iter().any(|d| d.name == name);
+    let family = FAMILIES.iter().find(|f| has(f.0, round.winner) && has(f.0, other.name));
     let added = family.map_or(String::new(), |f| format!("; or added scenes: {}", f.1));
     format!("{} or {}: {longer} would tell{added}.", round.winner, other.name)
 }

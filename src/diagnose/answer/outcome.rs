@@ -12,7 +12,6 @@ use crate::diagnose::search::contradicted::{Contradicted, contradicted};
 use crate::diagnose::search::round::tied;
 use crate::diagnose::search::round::{Round, kept};
 use crate::diagnose::search::search::Found;
-use crate::diagnose::sensors::catalogue::MISFITS;
 use crate::effects::Camera;
 use crate::error::Result;
 
@@ -59,7 +58,8 @@ pub(in crate::diagnose) fn outcome(
     let whole = (found.train[0] - left) / (found.train[0] - found.own.allowed_floor).max(1.0);
     let strange = strange(&found.train, found.own.floor);
     let (mut effects, mut misfits) = (Vec::new(), Vec::new());
-    for (i, (name, _)) in found.fit.effects.iter().enumerate() {
+    for (i, (effect, _)) in found.fit.effects.iter().enumerate() {
+        let name = effect.name;
         let round = kept(&found.rounds, name);
         let parameters: Vec<Parameter> = found.fit.knobs_of(i).map(interval).collect();
         let tied_with = ties(round);
@@ -67,7 +67,7 @@ pub(in crate::diagnose) fn outcome(
         let faint = round.is_some_and(|r| r.faint);
         let resembles = faint || (found.left && (share < 0.5 || whole < WHOLE || strange));
         // A number of the base model that only resembles what is there is no wrong number.
-        if MISFITS.contains(name)
+        if effect.of_the_base_model
             && !resembles
             && let Some(p) = parameters.first()
         {
@@ -83,7 +83,7 @@ pub(in crate::diagnose) fn outcome(
             continue;
         }
         let evidence = round.map_or_else(String::new, |r| r.evidence.clone())
-            + &found.fit.located.words(name, &reference.setup.scenes);
+            + &found.fit.located.words(effect, &reference.setup.scenes);
         effects.push(FoundEffect { name, parameters, tied_with, resembles, evidence });
     }
     let mut notes = Vec::new();
@@ -189,12 +189,12 @@ fn base_misfits(
         let knob = knobs[c.number];
         let p = parameter_at(found, c.number, c.position, c.deviation);
         Misfit {
-            parameter: format!("{}.{}", knob.effect, knob.key),
+            parameter: format!("{}.{}", knob.effect.name, knob.key),
             model: knob.value_in(given),
             fitted: p.value,
             low: p.low,
             high: p.high,
-            tied_with: c.tied.iter().take(2).map(|j| knobs[*j].effect).collect(),
+            tied_with: c.tied.iter().take(2).map(|j| knobs[*j].effect.name).collect(),
         }
     };
     let worth = |m: &Misfit| (m.fitted - m.model).abs() > WORTH * m.model.abs();

@@ -7,13 +7,14 @@
 use std::sync::Arc;
 
 use super::lost_readouts::{completed, lost, periods};
-use super::places::EVENTS;
+use super::places::KINDS;
 use super::places::Places;
 use super::places::kind;
 use super::repeated::repeated;
 use crate::diagnose::protocol::recorded::Scene;
 use crate::diagnose::recording::bits::PixelBits;
 use crate::diagnose::recording::scan::Scan;
+use crate::effects::Definition;
 use crate::spikes::Packed;
 
 /// Events from which on the name is tried whatever its signature promises, and those that are said one by one.
@@ -85,7 +86,7 @@ impl Located {
 pub(in crate::diagnose) struct Events {
     pub fitted: Arc<Located>,
     pub judging: Arc<Located>,
-    counts: [Count; EVENTS.len()],
+    counts: [Count; KINDS],
 }
 
 impl Events {
@@ -98,14 +99,14 @@ impl Events {
         Self { counts: std::array::from_fn(count), fitted: Arc::new(fitted), judging: Arc::new(judging) }
     }
 
-    /// How many there are of the effect `name`; nothing where it does not happen to whole readouts, or they cannot be told.
-    pub fn of(&self, name: &str) -> Option<Count> {
-        kind(name).map(|kind| self.counts[kind]).filter(|count| count.readouts > 0)
+    /// How many there are of `effect`; nothing where it does not happen to whole readouts, or they cannot be told.
+    pub fn of(&self, effect: &Definition) -> Option<Count> {
+        kind(effect).map(|kind| self.counts[kind]).filter(|count| count.readouts > 0)
     }
 
     /// How many there are and where the first ones of the fitted set are, in words; nothing where they cannot be told.
-    pub fn words(&self, name: &str, scenes: &[Scene]) -> String {
-        let (Some(kind), Some(count)) = (kind(name), self.of(name)) else { return String::new() };
+    pub fn words(&self, effect: &Definition, scenes: &[Scene]) -> String {
+        let (Some(kind), Some(count)) = (kind(effect), self.of(effect)) else { return String::new() };
         let place = |(scene, places): (&Scene, &Places)| {
             let of = |t: &usize| format!("{t} of {}", scene.file_name());
             places[kind].iter().flatten().map(of).collect::<Vec<String>>()
@@ -120,19 +121,20 @@ impl Events {
     }
 
     /// Whether the sets can have the effect at all.
-    pub fn allow(&self, name: &str) -> bool {
-        self.of(name).is_none_or(|count| count.events > 0)
+    pub fn allow(&self, effect: &Definition) -> bool {
+        self.of(effect).is_none_or(|count| count.events > 0)
     }
 
     /// Whether they plainly have it.
-    pub fn demand(&self, name: &str) -> bool {
-        self.of(name).is_some_and(|count| count.events >= SEVERAL)
+    pub fn demand(&self, effect: &Definition) -> bool {
+        self.of(effect).is_some_and(|count| count.events >= SEVERAL)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::{dropped_readouts, flicker, repeated_readouts};
 
     #[test]
     fn rates_are_known_as_poissons_law_says() {
@@ -159,15 +161,21 @@ mod tests {
         let scenes = [scene(400), scene(600)];
         let set = |lost: &[usize]| Located(vec![[None, None], [Some(lost.to_vec()), None]]);
         let events = Events::new(set(&[7, 9]), set(&[5]), true, &scenes);
-        assert_eq!(events.of("dropped_readouts"), Some(Count { events: 3, readouts: 1200 }));
-        assert!(events.demand("dropped_readouts") && events.allow("dropped_readouts"));
+        assert_eq!(events.of(&dropped_readouts::EFFECT), Some(Count { events: 3, readouts: 1200 }));
+        assert!(events.demand(&dropped_readouts::EFFECT) && events.allow(&dropped_readouts::EFFECT));
         assert_eq!(
-            Events::new(set(&[7, 9]), set(&[7, 9]), false, &scenes).of("dropped_readouts").unwrap().events,
+            Events::new(set(&[7, 9]), set(&[7, 9]), false, &scenes)
+                .of(&dropped_readouts::EFFECT)
+                .unwrap()
+                .events,
             2
         );
         let none = Events::new(set(&[]), set(&[]), true, &scenes);
-        assert!(!none.allow("dropped_readouts"), "none was lost");
-        assert!(none.allow("repeated_readouts") && !none.demand("repeated_readouts"), "cannot be told");
-        assert!(none.allow("flicker") && none.of("flicker").is_none());
+        assert!(!none.allow(&dropped_readouts::EFFECT), "none was lost");
+        assert!(
+            none.allow(&repeated_readouts::EFFECT) && !none.demand(&repeated_readouts::EFFECT),
+            "cannot be told"
+        );
+        assert!(none.allow(&flicker::EFFECT) && none.of(&flicker::EFFECT).is_none());
     }
 }

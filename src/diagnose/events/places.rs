@@ -1,22 +1,28 @@
 //! Where readouts are lost and repeated, and recordings that have them there.
 
-/// Effects that happen to whole readouts, by a probability for each.
-pub(in crate::diagnose) const EVENTS: [&str; 2] = ["dropped_readouts", "repeated_readouts"];
+use crate::effects::{Definition, Events};
 
-/// Where they are in a recording, in the order of [`EVENTS`]; `None` where they cannot be told. A lost readout is said by the
+/// Kinds of what happens to whole readouts: lost ones, repeated ones.
+pub(in crate::diagnose) const KINDS: usize = 2;
+
+/// Where they are in a recording, one kind after the other; `None` where they cannot be told. A lost readout is said by the
 /// first one behind it.
-pub(in crate::diagnose) type Places = [Option<Vec<usize>>; EVENTS.len()];
+pub(in crate::diagnose) type Places = [Option<Vec<usize>>; KINDS];
 
-/// The place of an effect that happens to whole readouts in [`EVENTS`].
-pub(in crate::diagnose) fn kind(name: &str) -> Option<usize> {
-    EVENTS.iter().position(|e| *e == name)
+/// The kind of an effect that happens to whole readouts.
+pub(in crate::diagnose) fn kind(effect: &Definition) -> Option<usize> {
+    match effect.events? {
+        Events::LostReadouts => Some(0),
+        Events::RepeatedReadouts => Some(1),
+        Events::Pixels => None,
+    }
 }
 
 /// Loses and repeats readouts of a recording that has as many more as are lost.
 pub(in crate::diagnose) fn put_in(
     frames: &mut Vec<u8>,
     bytes: usize,
-    places: &[Option<&[usize]>; EVENTS.len()],
+    places: &[Option<&[usize]>; KINDS],
     skip: usize,
 ) {
     let lost = places[0].unwrap_or(&[]);

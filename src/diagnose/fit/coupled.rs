@@ -13,11 +13,8 @@ use crate::diagnose::null::denoised::quiet;
 use crate::diagnose::null::derivatives::step;
 use crate::diagnose::null::mean::average;
 use crate::diagnose::null::reference::Reference;
+use crate::diagnose::sensors::base::number_of;
 use crate::error::Result;
-
-const COUPLING: [&str; 1] = ["gain_dark_correlation"];
-
-const COUPLED: [(&str, &str); 3] = [("prnu", "sigma"), ("bias_voltage", "sigma"), ("dark_current", "sigma")];
 
 /// Changes per unit of the base knobs where `fit` stands: those of the base model, and what is plainly another change beside the
 /// fit's effects, by `count` pairs of pairs of simulations with the same draws. Nothing where no effect couples them.
@@ -26,12 +23,12 @@ pub(in crate::diagnose) fn jacobian(
     fit: &Fit,
     count: usize,
 ) -> Result<Option<DMatrix<f64>>> {
-    if fit.effects.iter().all(|e| !COUPLING.contains(&e.0)) {
+    if fit.effects.iter().all(|e| !e.0.couples_spreads) {
         return Ok(None);
     }
     let column = |j: usize| -> Result<DVector<f64>> {
         let (knob, plain) = (&reference.model.knobs[j], reference.jacobian.column(j));
-        if !COUPLED.contains(&(knob.effect, knob.key)) {
+        if !number_of(knob).is_some_and(|number| number.is_spread) {
             return Ok(plain.into_owned());
         }
         let h = step(knob);

@@ -9,10 +9,11 @@ use crate::diagnose::null::known::CALIBRATED;
 use crate::diagnose::null::metric::{Bound, Metric};
 use crate::diagnose::null::reference::Reference;
 use crate::diagnose::null::signature::Signature;
-use crate::diagnose::sensors::catalogue::{Candidate, SETTING_IN};
+use crate::diagnose::sensors::catalogue::Candidate;
 use crate::diagnose::sensors::fixed::Pinned;
-use crate::diagnose::sensors::knob::Scale;
 use crate::diagnose::sensors::model::Model;
+use crate::effects::Definition;
+use crate::effects::definition::Scale;
 
 /// What derivatives were taken from: they are taken again where that has changed.
 #[derive(Clone, Debug, Default)]
@@ -29,7 +30,7 @@ pub(in crate::diagnose) struct Taken {
 #[derive(Clone, Debug)]
 pub(in crate::diagnose) struct Fit {
     /// Effects in the order in which they were added, with the number of knobs of each.
-    pub effects: Vec<(&'static str, usize)>,
+    pub effects: Vec<(&'static Definition, usize)>,
     pub model: Model,
     /// Lost and repeated readouts of the sets at hand.
     pub located: Events,
@@ -99,7 +100,7 @@ impl Fit {
 
     /// Whether it does not have the effect of this signature.
     pub fn lacks(&self, signature: &Signature) -> bool {
-        self.effects.iter().all(|e| e.0 != signature.candidate.name)
+        self.effects.iter().all(|e| e.0 != signature.candidate.effect)
     }
 
     /// The metric of this model's noise, with what the data have been fitted along projected out.
@@ -109,7 +110,7 @@ impl Fit {
 
     /// Whether one of its effects sets in late.
     pub fn sets_in(&self) -> bool {
-        self.effects.iter().any(|e| SETTING_IN.contains(&e.0))
+        self.effects.iter().any(|e| e.0.sets_in_late)
     }
 
     /// Number of base knobs.
@@ -126,7 +127,7 @@ impl Fit {
     /// With `candidate` added, its amplitude scaled.
     pub fn with(&self, candidate: &Candidate, scale: f64) -> Self {
         let mut next = self.of_other_effects();
-        next.effects.push((candidate.name, candidate.knobs.len()));
+        next.effects.push((candidate.effect, candidate.knobs.len()));
         for (i, (knob, at)) in candidate.knobs.iter().zip(&candidate.at).enumerate() {
             next.model.knobs.push(*knob);
             next.u.push(knob.clamped(if i == 0 { at * scale } else { *at }));
@@ -258,6 +259,6 @@ impl Fit {
 
     /// Whether a signature is of an effect that the sets at hand can have.
     pub fn allows(&self, signature: &Signature) -> bool {
-        self.located.allow(signature.candidate.name)
+        self.located.allow(signature.candidate.effect)
     }
 }

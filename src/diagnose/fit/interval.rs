@@ -1,7 +1,7 @@
 //! What a fitted number may truly be.
 
 use crate::diagnose::null::known::CALIBRATED;
-use crate::diagnose::sensors::knob::Scale;
+use crate::effects::definition::Scale;
 
 /// Quantile of Student's law for 95 % intervals: a deviation is known from thirty simulations.
 const INTERVAL: f64 = 2.04;

@@ -8,7 +8,7 @@ use super::fit::{Fit, Taken};
 use super::fitter::Fitter;
 use crate::diagnose::null::denoised::quiet;
 use crate::diagnose::null::mean::average;
-use crate::diagnose::sensors::knob::Scale;
+use crate::effects::definition::Scale;
 use crate::error::Result;
 
 /// Deviations of its noise, at worst, from which on a change is one, and simulations that can show it.

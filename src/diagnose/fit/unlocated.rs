@@ -19,10 +19,10 @@ const PAIRS: usize = 2;
 /// One column for every recording and event: the change of its statistics for one standard deviation of their number.
 pub(in crate::diagnose) fn columns(reference: &Reference, fit: &Fit) -> Result<DMatrix<f64>> {
     let mut columns = Vec::new();
-    for (e, (name, _)) in fit.effects.iter().enumerate() {
+    for (e, (effect, _)) in fit.effects.iter().enumerate() {
         let j = fit.knobs_of(e).start;
         let probability = fit.model.knobs[j].value(fit.u[j]);
-        let Some(kind) = kind(name).filter(|_| probability > 0.0) else { continue };
+        let Some(kind) = kind(effect).filter(|_| probability > 0.0) else { continue };
         let by_chance = |k: &usize| fit.model.pinned.places(*k)[kind].is_none();
         let scenes: Vec<usize> = (0..reference.setup.scenes.len()).filter(by_chance).collect();
         if scenes.is_empty() {

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::denoised::quiet;
 use super::mean::average;
 use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::sensors::base::number_of;
 use crate::diagnose::sensors::knob::Knob;
 use crate::diagnose::sensors::model::{LAMP, Model};
 use crate::diagnose::sensors::simulate;
@@ -26,18 +27,9 @@ pub(in crate::diagnose) fn pairs(setup: &Setup) -> usize {
     (USUAL_PIXELS.1 * USUAL_PIXELS.0 / pixels.max(1)).clamp(USUAL_PIXELS.1, MOST)
 }
 
-/// Step for the derivative by a base number, relative to its value: some five of the deviations to which 2,000 pixels tell it. What
-/// noise moves looks like information, and the less the larger the step is.
+/// Step for the derivative by a base number, relative to its value.
 pub(in crate::diagnose) fn step(knob: &Knob) -> f64 {
-    match (knob.effect, knob.key) {
-        // It moves every lattice of intervals; a small step keeps them in place.
-        ("prnu", "mean") => 0.01,
-        ("dark_current", "mean") => 0.05,
-        // Pixels that are nearly black, of which there are suddenly more, stray from their lines.
-        ("dark_current", _) => 0.08,
-        ("thermal_noise", _) => 0.1,
-        _ => 0.2,
-    }
+    number_of(knob).map_or(0.2, |number| number.step)
 }
 
 pub(in crate::diagnose) fn base_jacobian(

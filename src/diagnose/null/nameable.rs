@@ -3,7 +3,7 @@
 use super::reference::Reference;
 use super::signature::Signature;
 use super::signature::reach;
-use crate::diagnose::events::places::EVENTS;
+use crate::effects::{Definition, Events};
 use crate::error::Result;
 
 /// Efficient score at which an effect counts as nameable.
@@ -42,26 +42,31 @@ impl Reference {
     /// Lengths and angles come from products of different simulations, whose noise averages out.
     #[must_use]
     pub fn nameable(&self) -> Vec<Nameable> {
-        let mut names: Vec<&'static str> = self.signatures.iter().map(|s| s.candidate.name).collect();
-        names.dedup();
-        names.into_iter().filter_map(|name| self.nameable_one(name)).collect()
+        self.looked_for().into_iter().filter_map(|effect| self.nameable_one(effect)).collect()
     }
 
-    /// Names that this set cannot show, or that the model cannot simulate.
+    /// Effects whose signatures are known, in the order in which they are tried.
+    fn looked_for(&self) -> Vec<&'static Definition> {
+        let mut effects: Vec<&'static Definition> =
+            self.signatures.iter().map(|s| s.candidate.effect).collect();
+        effects.dedup();
+        effects
+    }
+
+    /// Names that this set cannot show.
     pub(in crate::diagnose) fn not_testable(&self) -> Vec<&'static str> {
-        let mut names: Vec<&'static str> = self.signatures.iter().map(|s| s.candidate.name).collect();
-        names.dedup();
-        let strongest = |name: &&'static str| {
-            let own = self.signatures.iter().filter(|s| s.candidate.name == *name);
+        let strongest = |effect: &&'static Definition| {
+            let own = self.signatures.iter().filter(|s| s.candidate.effect == *effect);
             own.map(|s| self.square(s) * reach(s).powi(2)).fold(0.0, f64::max) < SCORE * SCORE
         };
-        names.into_iter().filter(strongest).chain(self.missing.iter().copied()).collect()
+        let weak = self.looked_for().into_iter().filter(strongest);
+        weak.chain(self.missing.iter().copied()).map(|effect| effect.name).collect()
     }
 
     /// The same of one name; nothing where its signature is lost in its own noise.
-    pub(in crate::diagnose) fn nameable_one(&self, name: &'static str) -> Option<Nameable> {
+    pub(in crate::diagnose) fn nameable_one(&self, effect: &'static Definition) -> Option<Nameable> {
         let mut found: Vec<Nameable> = Vec::new();
-        for tried in self.signatures.iter().filter(|s| s.candidate.name == name) {
+        for tried in self.signatures.iter().filter(|s| s.candidate.effect == effect) {
             let (nearest, alike) = self.nearest(tried);
             let weak = self.weakened(tried).ok()?;
             let square = self.square(&weak);
@@ -73,23 +78,24 @@ impl Reference {
             let knob = weak.candidate.knobs[0];
             let u = self.onset(&weak, SCORE / length).ok()?;
             let strength = (knob.value(u) - knob.value(0.0)).abs();
-            found.push(Nameable { name, key: knob.key, strength, nearest, alike });
+            found.push(Nameable { name: effect.name, key: knob.key, strength, nearest, alike });
         }
-        let fewest = self.fewest(name);
+        let fewest = self.fewest(effect);
         found.iter_mut().for_each(|f| f.strength = f.strength.max(fewest));
         found.sort_by(|a, b| a.strength.total_cmp(&b.strength));
-        // Noise falls so much with a flicker's frequency that the middle one says nothing of the others: the worst one counts.
-        let of_all = if name == "flicker" { found.len().saturating_sub(1) } else { found.len() / 2 };
+        // Noise falls so much with the frequency of a line that the middle one says nothing of the others: the worst one counts.
+        let is_line = effect.tried().any(|(_, tried)| tried.is_line);
+        let of_all = if is_line { found.len().saturating_sub(1) } else { found.len() / 2 };
         (!found.is_empty()).then(|| found.swap_remove(of_all))
     }
 
     /// What happens to whole readouts or pixels must happen at all.
-    fn fewest(&self, name: &str) -> f64 {
+    fn fewest(&self, effect: &Definition) -> f64 {
         let readouts: usize = self.setup.scenes.iter().map(|s| s.readouts).sum();
-        match name {
-            _ if EVENTS.contains(&name) => LEAST / readouts as f64,
-            "hot_pixels" | "dead_pixels" => LEAST / self.setup.geometry.pixels() as f64,
-            _ => 0.0,
+        match effect.events {
+            None => 0.0,
+            Some(Events::LostReadouts | Events::RepeatedReadouts) => LEAST / readouts as f64,
+            Some(Events::Pixels) => LEAST / self.setup.geometry.pixels() as f64,
         }
     }
 
@@ -104,9 +110,10 @@ impl Reference {
             }
             (self.product(own, rival) / (square * other).sqrt()).clamp(-1.0, 1.0)
         };
-        let rivals = self.signatures.iter().filter(|s| s.candidate.name != own.candidate.name);
-        let nearest =
-            rivals.map(|r| (alike(r), r.candidate.name)).max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+        let rivals = self.signatures.iter().filter(|s| s.candidate.effect.name != own.candidate.effect.name);
+        let nearest = rivals
+            .map(|r| (alike(r), r.candidate.effect.name))
+            .max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
         nearest.map_or(("", 0.0), |(a, n)| (n, a.clamp(-LIKEST, LIKEST)))
     }
 

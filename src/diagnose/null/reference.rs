@@ -12,12 +12,12 @@ use super::metric::{Metric, Noise, noise};
 use super::redraw::{Redrawn, redraw};
 use super::signature::Signature;
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::diagnose::sensors::catalogue::{Candidate, OF_THE_SCENE, candidates};
+use crate::diagnose::sensors::catalogue::{Candidate, candidates, looked_for};
 use crate::diagnose::sensors::model::{LAMP, Model};
 use crate::diagnose::sensors::remembered::Remembered;
 use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::entry::Statistic;
-use crate::effects::Camera;
+use crate::effects::{Camera, Catalogue, Definition};
 use crate::error::Result;
 
 /// Simulations at the base model's own numbers.
@@ -49,8 +49,8 @@ pub struct Reference {
     /// By how much the fit of a clean sensor misses each of the base model's numbers.
     pub(in crate::diagnose) missed: Vec<f64>,
     pub(in crate::diagnose) signatures: Vec<Signature>,
-    /// Names that cannot be simulated.
-    pub(in crate::diagnose) missing: Vec<&'static str>,
+    /// Effects that this set cannot show, whatever their strength.
+    pub(in crate::diagnose) missing: Vec<&'static Definition>,
     /// What clean sensors show.
     pub(in crate::diagnose) clean: Clean,
     /// What fitted models were simulated as.
@@ -61,11 +61,25 @@ pub struct Reference {
 pub type Progress<'a> = &'a mut dyn FnMut(&str, f64);
 
 impl Reference {
-    /// Simulates sensors like `camera` under the protocol of `setup`.
+    /// Simulates sensors like `camera` under the protocol of `setup`, and how each effect of this library shows in them.
     ///
     /// # Errors
     /// When the camera cannot be simulated at the set's light.
     pub fn new(setup: Setup, camera: Camera, seed: u64, progress: Progress<'_>) -> Result<Self> {
+        Self::with_effects(setup, camera, seed, &Catalogue::new(), progress)
+    }
+
+    /// The same with all of `effects`.
+    ///
+    /// # Errors
+    /// As [`Reference::new`].
+    pub fn with_effects(
+        setup: Setup,
+        camera: Camera,
+        seed: u64,
+        effects: &Catalogue,
+        progress: Progress<'_>,
+    ) -> Result<Self> {
         let model = Model::base(camera, &setup);
         let scenes = setup.scenes.len();
         let still = model.sample(&[], &[], scenes)?;
@@ -91,11 +105,13 @@ impl Reference {
         let full = noise(&residuals, &floors)?.with_columns(&lamps)?;
         let metric = Metric::new(&full, jacobian.clone());
         let missed = missed(&metric, &redrawn, &mean);
-        let (mut all, mut missing) =
-            candidates(&model.camera, setup.scenes.iter().map(|s| s.skip + s.readouts).max().unwrap_or(1));
+        let longest = setup.scenes.iter().map(|s| s.skip + s.readouts).max().unwrap_or(1);
+        let mut all = candidates(&model.camera, longest, effects);
+        let mut missing = Vec::new();
         if setup.only_still() {
-            missing.extend(OF_THE_SCENE);
-            all.retain(|c| !OF_THE_SCENE.contains(&c.name));
+            missing = looked_for(effects);
+            missing.retain(|effect| effect.part_of_a_scene);
+            all.retain(|c| !c.effect.part_of_a_scene);
         }
         progress("signatures", 0.8);
         let mut reference = Self {

@@ -1,7 +1,7 @@
 //! How a candidate shows.
 
 use crate::diagnose::sensors::catalogue::Candidate;
-use crate::diagnose::sensors::knob::Scale;
+use crate::effects::definition::Scale;
 use nalgebra::DVector;
 
 /// How a candidate shows at one position.

@@ -9,15 +9,15 @@ impl Case<'_> {
     /// strong effects leave has many shapes, of which a weak name may take some. A `leak` of half that strength came with a wrong
     /// name and stayed when that one was exchanged; of some hundred other names beside others that nothing tied none was as weak.
     pub(in crate::diagnose) fn mark_faint(&self, at: &Judged, rounds: &mut [Round]) {
-        for (i, (name, _)) in at.fit.effects.iter().enumerate() {
-            let Some(round) = kept_mut(rounds, name) else { continue };
+        for (i, (effect, _)) in at.fit.effects.iter().enumerate() {
+            let Some(round) = kept_mut(rounds, effect.name) else { continue };
             if !tied(round).is_empty() {
                 continue;
             }
             let amplitude = at.fit.knobs_of(i).start;
             let knob = at.fit.model.knobs[amplitude];
             let strength = (knob.value(at.fit.u[amplitude]) - knob.value(0.0)).abs();
-            let Some(smallest) = self.fitter.reference.nameable_one(name).map(|n| n.strength) else {
+            let Some(smallest) = self.fitter.reference.nameable_one(effect).map(|n| n.strength) else {
                 continue;
             };
             if strength < smallest {

@@ -106,7 +106,7 @@ pub(in crate::diagnose) fn search(case: &Case<'_>, progress: Progress<'_>) -> Re
         let tried = (at.fit.effects.len() + turned_down.len()) as f64 / ROUNDS as f64;
         progress("tournament", tried);
         let open: Vec<&Signature> =
-            case.signatures.iter().filter(|s| !turned_down.contains(&s.candidate.name)).collect();
+            case.signatures.iter().filter(|s| !turned_down.contains(&s.candidate.effect.name)).collect();
         let Some((next, round)) = case.tournament(&at.fit, &at.own, &open)? else { break };
         progress(round.winner, tried);
         let next = case.accepted(&at, next)?;

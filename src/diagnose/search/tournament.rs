@@ -128,13 +128,16 @@ impl Case<'_> {
     ) -> Result<Vec<(&'static str, Vec<Fit>)>> {
         let of = |fit: &Fit| -> Vec<(&'static str, Fit)> {
             let entrants = entrants(fit, metric, &(self.fitter.data - &fit.mean), signatures);
-            entrants.into_iter().map(|(scale, s)| (s.candidate.name, fit.with(&s.candidate, scale))).collect()
+            entrants
+                .into_iter()
+                .map(|(scale, s)| (s.candidate.effect.name, fit.with(&s.candidate, scale)))
+                .collect()
         };
         let mut starts: Vec<(&'static str, Vec<Fit>)> =
             of(fit).into_iter().map(|(name, fit)| (name, vec![fit])).collect();
-        for s in signatures.iter().filter(|s| fit.lacks(s) && fit.located.demand(s.candidate.name)) {
-            if starts.iter().all(|start| start.0 != s.candidate.name) {
-                starts.push((s.candidate.name, vec![fit.with(&s.candidate, 1.0)]));
+        for s in signatures.iter().filter(|s| fit.lacks(s) && fit.located.demand(s.candidate.effect)) {
+            if starts.iter().all(|start| start.0 != s.candidate.effect.name) {
+                starts.push((s.candidate.effect.name, vec![fit.with(&s.candidate, 1.0)]));
             }
         }
         if fit.effects.is_empty() {
@@ -172,7 +175,7 @@ pub(in crate::diagnose) fn entrants<'a>(
         return entrants;
     }
     for (gain, scale, signature) in ranked {
-        let known = entrants.iter().any(|e| e.1.candidate.name == signature.candidate.name);
+        let known = entrants.iter().any(|e| e.1.candidate.effect.name == signature.candidate.effect.name);
         if gain > PROMISING * best && !known && entrants.len() < TOURNAMENT {
             entrants.push((scale, signature));
         }
@@ -191,7 +194,7 @@ fn drawn(a: &Priced, b: &Priced) -> f64 {
 
 /// The effect that was added last.
 pub(in crate::diagnose) fn last(fit: &Fit) -> &'static str {
-    fit.effects.last().map_or("", |e| e.0)
+    fit.effects.last().map_or("", |e| e.0.name)
 }
 
 /// How much of `off` a signature takes away at its best scale, within the effect's range.

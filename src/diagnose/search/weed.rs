@@ -68,7 +68,7 @@ impl Case<'_> {
     fn eliminate(&self, at: &mut Judged, rounds: &mut [Round]) -> Result<()> {
         while at.fit.effects.len() > 1 {
             let Some((place, without)) = self.dispensable(at)? else { break };
-            let name = at.fit.effects[place].0;
+            let name = at.fit.effects[place].0.name;
             *at = without;
             if let Some(round) = kept_mut(rounds, name) {
                 round.fate = Fate::Dropped;
@@ -136,22 +136,22 @@ impl Case<'_> {
         self.fitter.evaluate(&mut with, some)?;
         let with = self.fitter.priced(with);
         let mut ties = Vec::new();
-        for (place, (name, _)) in at.fit.effects.iter().enumerate() {
+        for (place, (effect, _)) in at.fit.effects.iter().enumerate() {
             // Nothing else makes readouts that are lost or written twice.
-            if at.fit.located.demand(name) {
+            if at.fit.located.demand(effect) {
                 continue;
             }
             let others = self.other_names(at, &with, place)?;
             let Some(best) = others.first() else { continue };
             let gained = with.price - best.price;
             if gained < 4.0 || at.deviance() - self.deviance(&best.fit)? < gained * HELD_OUT {
-                ties.push((*name, others.iter().map(|o| self.entrant(&with, o)).collect()));
+                ties.push((effect.name, others.iter().map(|o| self.entrant(&with, o)).collect()));
                 continue;
             }
-            let before = Entrant { name, ..self.entrant(best, &with) };
+            let before = Entrant { name: effect.name, ..self.entrant(best, &with) };
             let others = others[1..].iter().map(|o| self.entrant(best, o));
             let rivals = std::iter::once(before).chain(others).collect();
-            *at = self.exchanged(at, best.fit.clone(), kept_mut(rounds, name), rivals)?;
+            *at = self.exchanged(at, best.fit.clone(), kept_mut(rounds, effect.name), rivals)?;
             return Ok(true);
         }
         for (name, rivals) in ties {
@@ -186,12 +186,13 @@ impl Case<'_> {
     fn other_names(&self, at: &Judged, with: &Priced, place: usize) -> Result<Vec<Priced>> {
         let (fitter, fit) = (&self.fitter, &at.fit);
         let all: Vec<&Signature> = self.signatures.iter().collect();
-        let name = fit.effects[place].0;
+        let name = fit.effects[place].0.name;
         let [few, some] = draws_of_weeding(fit);
         let without = fitter.refine(fit.without(place), 1, few)?;
         let metric = without_effect(&at.own.metric, fit, place);
         let others = entrants(&without, &metric, &(fitter.data - &without.mean), &all);
-        let others: Vec<_> = others.into_iter().filter(|e| e.1.candidate.name != name).take(OTHERS).collect();
+        let others: Vec<_> =
+            others.into_iter().filter(|e| e.1.candidate.effect.name != name).take(OTHERS).collect();
         let without = fitter.priced(without);
         let halfway = 0.5 * (without.price + with.price) + NEAR;
         let enter = |(scale, s): &(f64, &Signature)| {

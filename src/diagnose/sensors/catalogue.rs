@@ -1,207 +1,138 @@
-//! What a camera may have that its model lacks: the catalogue's effects and where to try them.
+//! What a camera may have that its model lacks: effects by what they say of themselves, and where to try them.
 
 use super::knob::Knob;
-use super::knob::Scale;
-use crate::effects::definition::Form;
-use crate::effects::{Definition, find};
-
-/// A parameter, how its knob turns, and the values to try it at.
-#[derive(Clone, Copy, Debug)]
-struct Turn {
-    key: &'static str,
-    scale: Scale,
-    range: (f64, f64),
-    at: &'static [f64],
-}
-
-const fn amplitude(key: &'static str, range: (f64, f64), at: &'static [f64]) -> Turn {
-    Turn { key, scale: Scale::Linear, range, at }
-}
-
-const fn deviation(key: &'static str, range: (f64, f64), at: &'static [f64]) -> Turn {
-    Turn { key, scale: Scale::Square, range, at }
-}
-
-const fn shape(key: &'static str, range: (f64, f64), at: &'static [f64]) -> Turn {
-    Turn { key, scale: Scale::Log, range, at }
-}
-
-const fn kept(key: &'static str, range: (f64, f64), at: &'static [f64]) -> Turn {
-    Turn { key, scale: Scale::Kept, range, at }
-}
-
-/// The length of the recording, in readouts.
-const LENGTH: Turn = Turn { key: "duration", scale: Scale::Log, range: (1.0, 1e9), at: &[f64::NAN] };
-
-/// An entry of the catalogue: its amplitude first, then its shape.
-#[derive(Clone, Copy, Debug)]
-struct Entry {
-    name: &'static str,
-    turns: &'static [Turn],
-}
-
-macro_rules! entries {
-    ($($name:literal: $($turn:expr),+;)*) => { &[$(Entry { name: $name, turns: &[$($turn),+] }),*] };
-}
-
-/// Ranges are the catalogue's; values to try lie where the effect is plain but still nearly linear. A switching current's counts
-/// of odd intervals set in and saturate within a decade: from a tenth of a current the weak ones looked like false spikes.
-const CATALOGUE: &[Entry] = entries! {
-    "dead_time": amplitude("lost_fraction", (0.0, 0.15), &[0.012, 0.06]);
-    "response_nonlinearity": amplitude("quadratic", (-0.15, 0.15), &[-0.01, 0.01, 0.06, -0.06]);
-    "partial_reset": amplitude("lost_remainder", (0.0, 1.0), &[0.02, 0.25, 0.8]);
-    "leak": amplitude("fraction_per_readout", (0.0, 4e-3), &[4e-5, 5e-4]);
-    "dark_shot_noise": amplitude("strength", (0.0, 2.0), &[0.4]);
-    "comparator_noise": deviation("sigma", (0.0, 0.05), &[0.004, 0.015]);
-    "slow_threshold_noise": deviation("sigma", (0.0, 0.02), &[0.002, 0.006]), shape("time_constant", (30.0, 5e4), &[150.0, 1000.0, 6000.0]);
-    "adaptation": amplitude("rise", (0.0, 0.02), &[0.002]), kept("decay", (0.8, 0.999), &[0.85, 0.95, 0.99, 0.998]);
-    "telegraph_dark": amplitude("amplitude", (0.0, 1.0), &[0.008, 0.03, 0.15]), shape("pixels", (0.01, 1.0), &[0.2]), shape("rate", (1e-4, 1e-2), &[1e-3]);
-    "hot_pixels": amplitude("fraction", (0.0, 0.05), &[0.004]), shape("factor", (1.5, 60.0), &[5.0, 12.0]);
-    "dead_pixels": amplitude("fraction", (0.0, 0.05), &[0.005]);
-    "column_pattern": deviation("sigma", (0.0, 0.1), &[0.006, 0.025]);
-    "row_pattern": deviation("sigma", (0.0, 0.1), &[0.006, 0.025]);
-    "smooth_prnu": deviation("sigma", (0.0, 0.1), &[0.02]), shape("length", (0.5, 20.0), &[1.0, 2.0, 4.5]);
-    "vignetting": amplitude("strength", (0.0, 0.5), &[0.04, 0.2]);
-    "row_noise": deviation("sigma", (0.0, 0.05), &[0.002, 0.012]);
-    "flicker": amplitude("depth", (0.0, 0.2), &[0.01]), shape("frequency_hz", (1.0, 1e4), &[80.0, 400.0, 2000.0]);
-    "gain_drift": amplitude("relative_change", (-0.3, 0.3), &[0.004, -0.004, 0.05, -0.05]), LENGTH;
-    "image_lag": amplitude("fraction", (0.0, 0.1), &[0.01]), shape("time_constant", (2.0, 600.0), &[8.0, 40.0, 150.0]);
-    "crosstalk": amplitude("share", (0.0, 0.12), &[0.004, 0.03]);
-    "spike_coupling": amplitude("charge", (-0.03, 0.03), &[0.001, -0.001, 0.008, -0.008]);
-    "supply_droop": amplitude("depth", (-0.06, 0.06), &[0.002, -0.002, 0.015, -0.015]);
-    "missed_spikes": amplitude("probability", (0.0, 0.2), &[1e-4, 2e-3, 0.02]);
-    "false_spikes": amplitude("probability", (0.0, 0.05), &[4e-6, 6e-5, 1e-3]);
-    "dropped_readouts": amplitude("probability", (0.0, 0.2), &[0.001, 0.01]);
-    "repeated_readouts": amplitude("probability", (0.0, 0.2), &[0.001, 0.01]);
-    "saturation_clamp": amplitude("largest_charge", (1.0, 2.0), &[1.7, 1.3]);
-    "dark_tail": deviation("log_sigma", (0.0, 1.5), &[0.2, 0.5]);
-    "gain_dark_correlation": amplitude("correlation", (-1.0, 1.0), &[0.3, -0.3]);
-    "edge_columns": amplitude("factor", (0.3, 3.0), &[1.02, 1.1, 1.4, 0.9]);
+use crate::effects::definition::{Form, Param, Scale, Tried};
+use crate::effects::{
+    Camera, Catalogue, Definition, adaptation, column_pattern, comparator_noise, crosstalk, dark_shot_noise,
+    dark_tail, dead_pixels, dead_time, dropped_readouts, edge_columns, false_spikes, flicker,
+    gain_dark_correlation, gain_drift, hot_pixels, image_lag, leak, missed_spikes, partial_reset,
+    repeated_readouts, response_nonlinearity, row_noise, row_pattern, saturation_clamp, slow_threshold_noise,
+    smooth_prnu, spike_coupling, supply_droop, telegraph_dark, vignetting,
 };
 
-/// Effects whose numbers belong to the base model: another value is a misfit of it.
-pub(in crate::diagnose) const MISFITS: [&str; 1] = ["dead_time"];
-
-/// Effects of which nothing shows up to some strength, and soon after it much: a slope says little of what lies further on.
-pub(in crate::diagnose) const SETTING_IN: [&str; 1] = ["saturation_clamp"];
-
-/// What a still scene of unknown light cannot tell from the scene, or from more or less light.
-pub(in crate::diagnose) const OF_THE_SCENE: [&str; 18] = [
-    "vignetting",
-    "edge_columns",
-    "column_pattern",
-    "row_pattern",
-    "smooth_prnu",
-    "crosstalk",
-    "response_nonlinearity",
-    "gain_dark_correlation",
-    "dead_time",
-    "leak",
-    "image_lag",
-    "spike_coupling",
-    "supply_droop",
-    "saturation_clamp",
-    "hot_pixels",
-    "dead_pixels",
-    "dark_tail",
-    "dark_shot_noise",
+/// Ties go to the one that is tried first. Effects that are not among these follow in the order of their list.
+const FIRST: [&Definition; 30] = [
+    &dead_time::EFFECT,
+    &response_nonlinearity::EFFECT,
+    &partial_reset::EFFECT,
+    &leak::EFFECT,
+    &dark_shot_noise::EFFECT,
+    &comparator_noise::EFFECT,
+    &slow_threshold_noise::EFFECT,
+    &adaptation::EFFECT,
+    &telegraph_dark::EFFECT,
+    &hot_pixels::EFFECT,
+    &dead_pixels::EFFECT,
+    &column_pattern::EFFECT,
+    &row_pattern::EFFECT,
+    &smooth_prnu::EFFECT,
+    &vignetting::EFFECT,
+    &row_noise::EFFECT,
+    &flicker::EFFECT,
+    &gain_drift::EFFECT,
+    &image_lag::EFFECT,
+    &crosstalk::EFFECT,
+    &spike_coupling::EFFECT,
+    &supply_droop::EFFECT,
+    &missed_spikes::EFFECT,
+    &false_spikes::EFFECT,
+    &dropped_readouts::EFFECT,
+    &repeated_readouts::EFFECT,
+    &saturation_clamp::EFFECT,
+    &dark_tail::EFFECT,
+    &gain_dark_correlation::EFFECT,
+    &edge_columns::EFFECT,
 ];
 
 /// An effect with the knobs that it adds and a position to try.
 #[derive(Clone, Debug)]
 pub(in crate::diagnose) struct Candidate {
-    pub name: &'static str,
+    pub effect: &'static Definition,
     pub knobs: Vec<Knob>,
     pub at: Vec<f64>,
 }
 
-/// Every candidate at every position, and the names of the catalogue that the model cannot simulate.
-pub(in crate::diagnose) fn candidates(
-    base: &crate::effects::Camera,
-    readouts: usize,
-) -> (Vec<Candidate>, Vec<&'static str>) {
-    let (mut all, mut missing) = (Vec::new(), Vec::new());
-    for entry in CATALOGUE {
-        let Ok(definition) = find(entry.name) else {
-            missing.push(entry.name);
-            continue;
-        };
-        let knobs: Option<Vec<Knob>> =
-            entry.turns.iter().map(|t| knob(definition, t, base, readouts as f64)).collect();
-        let Some(knobs) = knobs else {
-            missing.push(entry.name);
-            continue;
-        };
-        let mut values = vec![Vec::new()];
-        for turn in entry.turns {
-            values = values
-                .iter()
-                .flat_map(|v| {
-                    turn.at.iter().map(move |a| {
-                        [v.as_slice(), &[if a.is_nan() { readouts as f64 } else { *a }]].concat()
-                    })
-                })
-                .collect();
-        }
-        for value in values {
-            let at = knobs.iter().zip(&value).map(|(k, v)| k.position(*v)).collect();
-            all.push(Candidate { name: entry.name, knobs: knobs.clone(), at });
-        }
+/// The effects of which a number is tried, in the order in which ties go.
+pub(in crate::diagnose) fn looked_for(effects: &Catalogue) -> Vec<&'static Definition> {
+    let mut all: Vec<_> = effects.all().filter(|effect| effect.tried().next().is_some()).collect();
+    all.sort_by_key(|effect| FIRST.iter().position(|first| first == effect).unwrap_or(FIRST.len()));
+    all
+}
+
+/// Every candidate at every position.
+pub(in crate::diagnose) fn candidates(base: &Camera, readouts: usize, effects: &Catalogue) -> Vec<Candidate> {
+    let of = |effect| positions(effect, base, readouts as f64);
+    looked_for(effects).into_iter().flat_map(of).collect()
+}
+
+fn positions(effect: &'static Definition, base: &Camera, readouts: f64) -> Vec<Candidate> {
+    let knobs: Vec<Knob> =
+        effect.tried().map(|(param, tried)| knob(effect, param, tried, base, readouts)).collect();
+    let mut values = vec![Vec::new()];
+    for (_, tried) in effect.tried() {
+        let tried: &[f64] = if tried.values.is_empty() { &[readouts] } else { tried.values };
+        let with = |v: &Vec<f64>| tried.iter().map(|at| [v.as_slice(), &[*at]].concat()).collect::<Vec<_>>();
+        values = values.iter().flat_map(with).collect();
     }
-    (all, missing)
+    let at = |value: Vec<f64>| knobs.iter().zip(&value).map(|(k, v)| k.position(*v)).collect();
+    values.into_iter().map(|value| Candidate { effect, knobs: knobs.clone(), at: at(value) }).collect()
 }
 
 fn knob(
-    definition: &'static Definition,
-    turn: &Turn,
-    base: &crate::effects::Camera,
+    effect: &'static Definition,
+    param: &'static Param,
+    tried: Tried,
+    base: &Camera,
     readouts: f64,
-) -> Option<Knob> {
-    let param = definition.params.iter().find(|p| p.key == turn.key)?;
-    let Form::Number { low, high, .. } = param.form else { return None };
-    if turn.at[0].is_nan() {
-        let range = (readouts, readouts);
-        return Some(Knob {
-            effect: definition.name,
-            key: param.key,
-            scale: turn.scale,
-            centre: readouts,
-            unit: 1.0,
-            range,
-        });
-    }
-    let own = base.effect(definition.name).and_then(|e| e.get(turn.key).ok());
-    let neutral = own.unwrap_or(param.neutral);
-    let (centre, unit) = match turn.scale {
-        Scale::Log | Scale::Kept => (*turn.at.get(turn.at.len() / 2)?, 1.0),
-        // An infinite neutral value is one that the light of the set never reaches.
-        _ if neutral.is_infinite() => (turn.range.1, -0.1),
-        _ => (neutral, (turn.at[0] - neutral).abs()),
+) -> Knob {
+    let Tried { scale, range, values, .. } = tried;
+    let key = param.key;
+    let [first, ..] = values else {
+        return Knob { effect, key, scale, centre: readouts, unit: 1.0, range: (readouts, readouts) };
     };
-    let range = (turn.range.0.max(low), turn.range.1.min(high));
-    Some(Knob { effect: definition.name, key: param.key, scale: turn.scale, centre, unit, range })
+    let own = base.effect(effect.name).and_then(|e| e.get(key).ok());
+    let neutral = own.unwrap_or(param.neutral);
+    let (centre, unit) = match scale {
+        Scale::Log | Scale::Kept => (values[values.len() / 2], 1.0),
+        // An infinite neutral value is one that the light of the set never reaches.
+        _ if neutral.is_infinite() => (range.1, -0.1),
+        _ => (neutral, (first - neutral).abs()),
+    };
+    Knob { effect, key, scale, centre, unit, range: within(range, param) }
+}
+
+/// The part of a range that the parameter can have.
+fn within(range: (f64, f64), param: &Param) -> (f64, f64) {
+    match param.form {
+        Form::Number { low, high, .. } => (range.0.max(low), range.1.min(high)),
+        Form::Choice(_) => range,
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnose::sensors::base::BASE;
+    use crate::effects::{ALL, capacitor_mismatch, start_phase};
 
     #[test]
     fn every_effect_of_the_model_is_a_candidate_or_part_of_the_base() {
-        const BASE: [&str; 7] = [
-            "capacitor_mismatch",
-            "bias_voltage",
-            "prnu",
-            "dark_current",
-            "shot_noise",
-            "thermal_noise",
-            "start_phase",
-        ];
-        let setup = crate::presets::builtin("ideal").unwrap();
-        let (all, _) = candidates(&setup, 4000);
-        for effect in crate::effects::ALL {
-            let known = BASE.contains(&effect.name) || all.iter().any(|c| c.name == effect.name);
-            assert!(known, "{} can never be found", effect.name);
+        // The base model has the whole spread of thresholds in its voltages, and pixels that start anywhere.
+        let held = [&capacitor_mismatch::EFFECT, &start_phase::EFFECT];
+        let all = candidates(&crate::presets::builtin("ideal").unwrap(), 4000, &Catalogue::new());
+        for effect in ALL {
+            let base = held.contains(effect) || BASE.iter().any(|n| n.effect == *effect);
+            assert!(base != all.iter().any(|c| c.effect == *effect), "{} can never be found", effect.name);
         }
+    }
+
+    #[test]
+    fn ties_go_as_they_did_and_to_effects_of_other_crates_last() {
+        static NEW: [Param; 1] = [Param::number("x", crate::units::Unit::One, (0.0, 1.0), 0.0, 0.1, "x")
+            .tried(Tried::amplitude((0.0, 1.0), &[0.1]))];
+        static BROUGHT: Definition = Definition::new("abc", "", "", &NEW);
+        let order = looked_for(&Catalogue::new().with(&BROUGHT).unwrap());
+        assert_eq!(order[..FIRST.len()], FIRST);
+        assert_eq!(order[FIRST.len()..], [&BROUGHT]);
     }
 }

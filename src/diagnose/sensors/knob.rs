@@ -1,24 +1,12 @@
 //! One number that a diagnosis may turn.
 
-use crate::effects::Camera;
-
-/// How a knob's position becomes a parameter's value.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::diagnose) enum Scale {
-    /// `centre + unit u`.
-    Linear,
-    /// `centre + unit sqrt(u)`: statistics follow the square of a deviation.
-    Square,
-    /// `centre exp(u)`: shapes such as time constants.
-    Log,
-    /// `1 - (1 - centre) exp(u)`: what a readout keeps.
-    Kept,
-}
+use crate::effects::definition::Scale;
+use crate::effects::{Camera, Definition};
 
 /// One number of one effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::diagnose) struct Knob {
-    pub effect: &'static str,
+    pub effect: &'static Definition,
     pub key: &'static str,
     pub scale: Scale,
     pub centre: f64,
@@ -28,6 +16,7 @@ pub(in crate::diagnose) struct Knob {
 }
 
 impl Knob {
+    /// The value at position `u`: in proportion to it, to its square root, or to its exponential.
     pub fn value(&self, u: f64) -> f64 {
         let value = match self.scale {
             Scale::Linear => self.centre + self.unit * u,
@@ -40,7 +29,7 @@ impl Knob {
 
     /// Its value in `camera`, the centre where that does not have its effect.
     pub fn value_in(&self, camera: &Camera) -> f64 {
-        camera.effect(self.effect).and_then(|e| e.get(self.key).ok()).unwrap_or(self.centre)
+        camera.effect(self.effect.name).and_then(|e| e.get(self.key).ok()).unwrap_or(self.centre)
     }
 
     /// The position that gives `value`.

@@ -1,5 +1,6 @@
 //! A camera with knobs gives a simulated set.
 
+pub(super) mod base;
 pub(super) mod catalogue;
 pub(super) mod fixed;
 pub(super) mod knob;

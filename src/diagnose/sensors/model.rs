@@ -1,11 +1,12 @@
 //! A camera with knobs: the numbers that a diagnosis may turn.
 
+use super::base::{BASE, Number};
 use super::fixed::Pinned;
 use super::knob::Knob;
-use super::knob::Scale;
 use super::sample::Sample;
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::effects::{Camera, find};
+use crate::effects::Camera;
+use crate::effects::definition::Scale;
 use crate::error::Result;
 
 /// A camera, its knobs and the lamps of the scenes.
@@ -25,30 +26,17 @@ pub(in crate::diagnose) const LAMP: f64 = 1e-3;
 impl Model {
     /// The base model of a camera: what calibration fits, and nothing else.
     pub fn base(camera: Camera, setup: &Setup) -> Self {
-        let base = [
-            ("prnu", "mean"),
-            ("prnu", "sigma"),
-            ("bias_voltage", "sigma"),
-            ("dark_current", "mean"),
-            ("dark_current", "sigma"),
-            ("thermal_noise", "sigma"),
-            ("shot_noise", "strength"),
-        ];
-        let knob = |(effect, key): &(&'static str, &'static str)| {
-            let centre = camera.effect(effect)?.get(key).ok()?;
+        let knob = |number: &Number| {
+            let Number { effect, key, .. } = *number;
+            let centre = camera.effect(effect.name)?.get(key).ok()?;
             let range = (0.02 * centre, 20.0 * centre);
             (centre > 0.0).then_some(Knob { effect, key, scale: Scale::Linear, centre, unit: centre, range })
         };
-        // A still scene of unknown light says nothing of gain and dark current, and gives one variance for
-        // quanta and threshold noise together; how many electrons make a threshold follows from the
-        // capacitance, so the noise of the light is taken as known.
-        const SHOWN: [(&str, &str); 3] =
-            [("prnu", "sigma"), ("bias_voltage", "sigma"), ("thermal_noise", "sigma")];
-        let known = |k: &Knob| setup.only_still() && !SHOWN.contains(&(k.effect, k.key));
+        let shown = |number: &&Number| number.shown_by_still || !setup.only_still();
         // An unknown scene's light is what its rates say.
         let lit = |k: &usize| setup.scenes[*k].brightness() > 0.0 && setup.scenes[*k].still.is_none();
         Self {
-            knobs: base.iter().filter_map(knob).filter(|k| !known(k)).collect(),
+            knobs: BASE.iter().filter(shown).filter_map(knob).collect(),
             lamps: (0..setup.scenes.len()).filter(lit).collect(),
             camera,
             pinned: Pinned::default(),
@@ -64,10 +52,7 @@ impl Model {
     pub fn sample(&self, u: &[f64], lamps: &[f64], scenes: usize) -> Result<Sample> {
         let mut camera = self.camera.clone();
         for (knob, u) in self.knobs.iter().zip(u) {
-            let effect = match camera.effect(knob.effect) {
-                Some(effect) => effect.clone(),
-                None => find(knob.effect)?.neutral(),
-            };
+            let effect = camera.effect(knob.effect.name).cloned().unwrap_or_else(|| knob.effect.neutral());
             camera = camera.with(effect.with(knob.key, knob.value(*u))?);
         }
         let mut factors = vec![1.0; scenes];

@@ -3,7 +3,9 @@
 use crate::calibrate::{self, Calibration, RecordingSet};
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::statistics::quantiles::Spread;
-use crate::effects::{Camera, find};
+use crate::effects::{
+    Camera, bias_voltage, capacitor_mismatch, dark_current, prnu, shot_noise, start_phase, thermal_noise,
+};
 use crate::error::Result;
 
 /// Furthest factor from the published numbers at which a calibration is believed.
@@ -22,7 +24,7 @@ pub(in crate::diagnose) fn calibrated(set: &RecordingSet, setup: &Setup) -> Resu
 fn moved(camera: &Camera, c: &Calibration) -> Result<Camera> {
     let p = &c.population;
     let sensor = &camera.sensor;
-    let bias = camera.effect("bias_voltage").map_or(0.0, |e| e.values()[0]);
+    let bias = camera.effect(bias_voltage::EFFECT.name).map_or(0.0, |e| e.values()[0]);
     let swing = sensor.swing_v + bias;
     let phi = if p.sigma_phi.value > 2.0 * p.sigma_phi.error { p.sigma_phi.value } else { 0.0455 };
     let inverse = 1.0 + phi * phi;
@@ -31,16 +33,16 @@ fn moved(camera: &Camera, c: &Calibration) -> Result<Camera> {
     let (centre_d, spread_d) = usual_dark(c);
     let mean_d = (centre_d / inverse).max(1e-6);
     let values = [
-        ("prnu", "mean", p.mean_a.value / inverse),
-        ("prnu", "sigma", own(p.sd_a.value, p.mean_a.value) * p.mean_a.value / inverse),
-        ("bias_voltage", "sigma", phi * swing),
-        ("dark_current", "mean", mean_d * to_pa),
-        ("dark_current", "sigma", own(spread_d, centre_d).min(0.8) * mean_d * to_pa),
-        ("thermal_noise", "sigma", c.sigma_t.value * swing),
+        (&prnu::EFFECT, "mean", p.mean_a.value / inverse),
+        (&prnu::EFFECT, "sigma", own(p.sd_a.value, p.mean_a.value) * p.mean_a.value / inverse),
+        (&bias_voltage::EFFECT, "sigma", phi * swing),
+        (&dark_current::EFFECT, "mean", mean_d * to_pa),
+        (&dark_current::EFFECT, "sigma", own(spread_d, centre_d).min(0.8) * mean_d * to_pa),
+        (&thermal_noise::EFFECT, "sigma", c.sigma_t.value * swing),
     ];
     let mut camera = camera.clone();
-    for (name, key, value) in values {
-        let effect = camera.effect(name).cloned().unwrap_or(find(name)?.neutral());
+    for (definition, key, value) in values {
+        let effect = camera.effect(definition.name).cloned().unwrap_or_else(|| definition.neutral());
         // An effect that is not in the model can send a static calibration anywhere; the search's own
         // fit of these numbers then starts from the published ones.
         let usable = (1.0 / PLAUSIBLE..PLAUSIBLE).contains(&(value / effect.get(key)?));
@@ -63,12 +65,13 @@ pub(in crate::diagnose) fn published(setup: &Setup) -> Result<Camera> {
     let mut camera = crate::presets::builtin("scsim-code")?;
     camera.sensor.geometry = setup.geometry;
     camera.sensor.readout_hz = setup.readout_hz;
-    let dark = camera.effect("dark_current").cloned().unwrap_or(find("dark_current")?.neutral());
+    let dark =
+        camera.effect(dark_current::EFFECT.name).cloned().unwrap_or_else(|| dark_current::EFFECT.neutral());
     camera = camera
         .with(dark.with("negative", 1.0)?)
-        .with(find("shot_noise")?.neutral().with("strength", 1.0)?)
-        .with(find("start_phase")?.neutral().with("share", 1.0)?)
-        .without("capacitor_mismatch");
+        .with(shot_noise::EFFECT.neutral().with("strength", 1.0)?)
+        .with(start_phase::EFFECT.neutral().with("share", 1.0)?)
+        .without(capacitor_mismatch::EFFECT.name);
     camera.name = "published".to_owned();
     Ok(camera)
 }

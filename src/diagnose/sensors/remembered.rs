@@ -67,10 +67,11 @@ mod tests {
     #[test]
     fn only_the_same_camera_with_the_same_draws_is_remembered() {
         let camera = crate::presets::builtin("scsim-code").unwrap();
-        let dead = camera.effect("dead_time").unwrap().clone();
+        let dead = camera.effect(crate::effects::dead_time::EFFECT.name).unwrap().clone();
         let other = camera.clone().with(dead.with("lost_fraction", 0.0021).unwrap());
         let lost = |at: usize| Arc::new(Located(vec![[Some(vec![at]), None]]));
-        let pinned = |at: usize| Pinned::new(&lost(at), ["dropped_readouts"].into_iter());
+        let pinned =
+            |at: usize| Pinned::new(&lost(at), [&crate::effects::dropped_readouts::EFFECT].into_iter());
         let of = |camera: &Camera, pinned| Sample { camera: camera.clone(), lamps: Vec::new(), pinned };
         let [plain, other] = [&camera, &other].map(|c| of(c, Pinned::default()));
         let [early, late] = [7, 8].map(|at| of(&camera, pinned(at)));

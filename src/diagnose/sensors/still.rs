@@ -8,7 +8,7 @@ use crate::diagnose::recording::scan::{Look, Scan, scan};
 use crate::diagnose::statistics::entry::Vector;
 use crate::diagnose::statistics::rate_maps;
 use crate::draws::Seeds;
-use crate::effects::{Camera, find};
+use crate::effects::{Camera, start_phase};
 use crate::error::Result;
 use crate::plan::Plan;
 use crate::simulate::{FrameRef, Simulator};
@@ -26,7 +26,7 @@ pub(in crate::diagnose) fn recording(
 ) -> Result<Scan> {
     let geometry = camera.sensor.geometry;
     // Nobody knows where in their cycle the pixels were when the recording began.
-    let camera = camera.with(find("start_phase")?.neutral().with("share", 1.0)?);
+    let camera = camera.with(start_phase::EFFECT.neutral().with("share", 1.0)?);
     let light = |rate: &f64| {
         let light = camera.operating(*rate).light;
         if light.is_finite() { light.clamp(0.0, 1.0) as f32 } else { 0.0 }
