@@ -25,12 +25,13 @@ const HOUSE: &[&[&str]] = &[
 
 /// Files that may hold unsafe code, by their beginning.
 const UNSAFE: &[&str] = &[
-    "kernels/avx2.rs",
-    "kernels/avx2_shorts.rs",
-    "kernels/avx512.rs",
-    "kernels/avx512_bits.rs",
-    "kernels/avx512_counts.rs",
-    "kernels/counting.rs",
+    "kernels/bits/avx2.rs",
+    "kernels/bits/avx512.rs",
+    "kernels/bits/counting.rs",
+    "kernels/entry.rs",
+    "kernels/isa/avx2.rs",
+    "kernels/isa/avx512.rs",
+    "kernels/isa/avx512_counts.rs",
     "storage/",
 ];
 
@@ -113,6 +114,38 @@ fn unsafe_code_stays_in_its_rooms() {
         let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
         let found = code.filter(|line| line.contains("unsafe {") || line.contains("unsafe fn")).count();
         assert!(allowed || found == 0, "{} holds unsafe code", path.display());
+    }
+}
+
+/// Rooms of the kernels from the ground up: what runs plans and what counts bits share instruction sets and nothing else.
+const KERNELS: &[&[&str]] = &[&["isa"], &["bits", "body", "reference"], &["entry"]];
+
+#[test]
+fn what_runs_plans_and_what_counts_bits_are_apart() {
+    let floor = |room: &str| KERNELS.iter().position(|line| line.contains(&room));
+    for (path, text) in sources() {
+        let Ok(inside) = path.strip_prefix("kernels") else { continue };
+        let own = room_of(inside).unwrap();
+        let Some(own_floor) = floor(&own) else { continue };
+        let code: Vec<&str> = text.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
+        for room in KERNELS.iter().copied().flatten().filter(|room| **room != own) {
+            let uses =
+                [format!("kernels::{room}::"), format!("kernels::{room}:"), format!("kernels::{{{room}")];
+            let found = code.iter().any(|line| uses.iter().any(|name| line.contains(name)));
+            assert!(!found || floor(room) < Some(own_floor), "{} imports from {room}", path.display());
+        }
+    }
+}
+
+#[test]
+fn rooms_of_kernels_and_plans_hold_fifteen_files_at_most() {
+    let mut rooms: BTreeMap<PathBuf, usize> = BTreeMap::new();
+    for path in sources().into_keys() {
+        *rooms.entry(path.parent().unwrap().to_path_buf()).or_default() += 1;
+    }
+    for (room, files) in rooms {
+        let counted = ["kernels", "plan", "pixel"].iter().any(|name| room.starts_with(name));
+        assert!(!counted || files <= 15, "{} holds {files} files", room.display());
     }
 }
 

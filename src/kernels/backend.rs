@@ -49,9 +49,9 @@ impl Backend {
         match self {
             Self::Reference | Self::Portable => true,
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => super::avx2::Avx2::detect().is_some(),
+            Self::Avx2 => super::isa::avx2::Avx2::detect().is_some(),
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512 => super::avx512::Avx512::detect().is_some(),
+            Self::Avx512 => super::isa::avx512_token::Avx512::detect().is_some(),
             #[cfg(not(target_arch = "x86_64"))]
             _ => false,
         }

@@ -161,7 +161,7 @@ impl<'a> Batch<'a> {
         &self.rounds
     }
 
-    /// What the rarer operations need.
+    /// What moves.
     #[must_use]
     #[inline]
     pub fn modulation(&self) -> &Modulation {
@@ -225,8 +225,11 @@ impl<'a> Job<'a> {
             range.start.is_multiple_of(crate::plan::LANES) && range.len().is_multiple_of(crate::plan::LANES)
         );
         let job = Self { plan, batch, range };
-        let together = job.is_whole_sensor() || batch.readouts == 1;
-        assert!(together || !plan.couples(), "pixels act on each other: one tile, or one readout at a time");
+        let frame_by_frame = job.is_whole_sensor() || batch.readouts == 1;
+        assert!(
+            frame_by_frame || !plan.couples(),
+            "pixels act on each other: one tile, or one readout at a time"
+        );
         job
     }
 

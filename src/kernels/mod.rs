@@ -8,48 +8,23 @@
 //! memory decides the speed: stepping whole frames is 1.7 times slower with
 //! the same instructions.
 
-mod arriving;
-#[cfg(target_arch = "x86_64")]
-mod avx2;
-#[cfg(target_arch = "x86_64")]
-mod avx2_shorts;
-#[cfg(target_arch = "x86_64")]
-mod avx512;
-#[cfg(target_arch = "x86_64")]
-mod avx512_bits;
-#[cfg(target_arch = "x86_64")]
-mod avx512_counts;
 mod backend;
-mod bare;
 mod batch;
 mod bits;
 mod body;
-mod counting;
-mod general;
-mod increment;
-mod lanes;
-mod lingering;
+mod entry;
+mod isa;
 mod modulation;
-mod pair;
-mod pass;
-mod pixels;
-mod portable;
-mod rare;
 pub mod reference;
-mod shorts;
-mod step;
-mod wide_lanes;
 
 pub use backend::Backend;
 pub use batch::{Batch, Job, Light, NoiseRound, Rounds, Samples, Segment};
-pub(crate) use bits::{Bits, Places, ROOM, SLACK, WORDS};
-#[cfg(all(feature = "files", feature = "threads"))]
-pub(crate) use counting::counting;
-pub(crate) use counting::{Work, counting_with};
-pub use modulation::{Around, Modulation};
 #[cfg(test)]
-pub(crate) use shorts::AnyCpu;
-pub(crate) use shorts::{SHORTS, Shorts};
+pub(crate) use bits::AnyCpu;
+#[cfg(all(feature = "files", feature = "threads"))]
+pub(crate) use bits::counting;
+pub(crate) use bits::{Bits, Places, ROOM, SHORTS, SLACK, Shorts, WORDS, Work, counting_with};
+pub use modulation::{Around, Modulation};
 
 use crate::plan::StateParts;
 
@@ -64,11 +39,11 @@ pub fn run(backend: Backend, job: &Job<'_>, state: &mut StateParts<'_>, out: &mu
     assert_eq!(state.charge.len(), job.pixels(), "state size");
     match backend {
         Backend::Reference => reference::run(job, state, out),
-        Backend::Portable => portable::run(job, state, out),
+        Backend::Portable => entry::portable(job, state, out),
         #[cfg(target_arch = "x86_64")]
-        Backend::Avx2 => avx2::run(job, state, out),
+        Backend::Avx2 => entry::avx2(job, state, out),
         #[cfg(target_arch = "x86_64")]
-        Backend::Avx512 => avx512::run(job, state, out),
+        Backend::Avx512 => entry::avx512(job, state, out),
         #[cfg(not(target_arch = "x86_64"))]
         _ => panic!("backend {backend} is not built for this CPU"),
     }

@@ -1,4 +1,4 @@
-//! What the rarer operations need at every readout, the same for all tiles of a batch.
+//! What moves from readout to readout, the same for all tiles of a batch.
 
 use crate::draws::gauss;
 use crate::draws::hash::{Clock, Round, bits, half, key};

@@ -34,7 +34,7 @@ impl Plan {
             steps: self.steps,
             rules: self.rules,
             losses: self.losses,
-            clocks: self.clocks.clone(),
+            clocks: self.clocks,
             counts: self.counts,
             bounds: self.bounds,
         })

@@ -72,6 +72,7 @@ fn a_name_that_the_library_has_is_refused() {
 }
 
 #[test]
+#[allow(clippy::field_reassign_with_default, reason = "holds when the struct is closed to literals, too")]
 fn a_diagnosis_that_knows_the_effect_finds_it_by_its_name() {
     let folder = tempfile::tempdir().unwrap();
     // Fewer and shorter recordings than are recommended: the effect is strong.

@@ -1,26 +1,13 @@
 //! The `wide` crate's vectors, with whatever instructions the crate was compiled for.
 
-use crate::kernels::Job;
-use crate::kernels::body::{self, by_case};
-use crate::kernels::lanes::Lanes;
-use crate::kernels::wide_lanes::{
+use crate::kernels::isa::lanes::Lanes;
+use crate::kernels::isa::wide_lanes::{
     self, Floats, MASKS, N, Shorts, UnsignedShorts, UnsignedWords, Words, mapped,
 };
-use crate::plan::StateParts;
 
 /// Vectors of 16 or 32 pixels.
 #[derive(Clone, Copy, Debug)]
-struct Portable;
-
-/// Runs the job with the vectors of `wide`.
-pub(super) fn run(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-    by_case!(job, CASE => enter::<CASE>(job, state, out));
-}
-
-#[inline(never)]
-fn enter<const CASE: u8>(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-    body::run::<_, CASE>(Portable, job, state, out);
-}
+pub(in crate::kernels) struct Portable;
 
 type Pair = [Words; 2];
 type PairF = [Floats; 2];

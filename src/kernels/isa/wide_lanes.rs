@@ -24,15 +24,15 @@ mod width {
 }
 
 use width::{Bytes, Chars};
-pub(super) use width::{Floats, Shorts, UnsignedShorts, UnsignedWords, Words};
+pub(in crate::kernels) use width::{Floats, Shorts, UnsignedShorts, UnsignedWords, Words};
 
 /// Pixels of a vector.
-pub(super) const N: usize = size_of::<Shorts>() / 2;
+pub(in crate::kernels) const N: usize = size_of::<Shorts>() / 2;
 /// Vectors of 256 bits in a vector.
 const PARTS: usize = N / 16;
 
 /// Whether a comparison fills a mask register, so that a choice is part of the instruction behind it.
-pub(super) const MASKS: bool = N == 32;
+pub(in crate::kernels) const MASKS: bool = N == 32;
 /// Whether a byte shuffle is an instruction; looking bytes up is quicker than emulating it.
 const SHUFFLES: bool =
     cfg!(any(target_feature = "ssse3", target_feature = "neon", target_feature = "simd128"));
@@ -82,11 +82,11 @@ macro_rules! mapped {
         out
     }};
 }
-pub(super) use mapped;
+pub(in crate::kernels) use mapped;
 
 /// `(a * b + 2^14) >> 15`; `wide` has it for 256 bits at most.
 #[inline(always)]
-pub(super) fn scale(a: Shorts, b: Shorts) -> Shorts {
+pub(in crate::kernels) fn scale(a: Shorts, b: Shorts) -> Shorts {
     let (a, b): ([i16x16; PARTS], [i16x16; PARTS]) = (bytemuck::cast(a), bytemuck::cast(b));
     let mut out = a;
     let mut i = 0;
@@ -99,7 +99,7 @@ pub(super) fn scale(a: Shorts, b: Shorts) -> Shorts {
 
 /// [`gauss::unit`] of every word.
 #[inline(always)]
-pub(super) fn normal(bits: Shorts) -> Shorts {
+pub(in crate::kernels) fn normal(bits: Shorts) -> Shorts {
     if !SHUFFLES {
         return looked_up(bits);
     }

@@ -1,11 +1,19 @@
-//! The readout of plans with rarer rules, which ask the plan at run time.
+//! The readout under any of the plan's rules, which are asked at run time. In scalar code:
+//!
+//! ```text
+//! charge += if fired { kept_increment * increment } else { increment } + noise_of_quanta(t);
+//! charge = min(charge, ceiling);
+//! fired = charge >= noise || surplus > 0; // `charge` is counted from the threshold
+//! if fired { charge = (charge - noise) * kept_remainder - threshold; }
+//! report(fired ^ flip(t))
+//! ```
 
 use crate::draws::hash::Round;
 use crate::kernels::Job;
-use crate::kernels::increment::{Fine, Increment, fixed};
-use crate::kernels::lanes::Lanes;
-use crate::kernels::pixels::{Constants, Halves, Pixels, halves};
-use crate::kernels::step::{borrow, count_surplus, counted, hash, settle};
+use crate::kernels::body::increment::{Fine, Increment, fixed};
+use crate::kernels::body::pixels::{Constants, Halves, Pixels, halves};
+use crate::kernels::body::step::{borrow, count_surplus, counted, hash, settle};
+use crate::kernels::isa::lanes::Lanes;
 use crate::pixel::Redraw;
 use crate::plan::NoiseTable;
 
@@ -97,7 +105,13 @@ fn fresh<L: Lanes>(l: L, job: &Job<'_>, t: usize, constants: &Constants<L>) -> L
     l.scale(l.gauss(hash(l, constants.pair_keys, &job.batch.rounds().noise[t].thermal)), constants.noise)
 }
 
-/// Compares and resets in whole steps, `below` where there is no surplus and none can come.
+/// Compares and resets in whole steps, `below` where there is no surplus and none can come:
+///
+/// ```text
+/// fired = charge >= noise || surplus > 0;
+/// if charge >= noise { charge -= threshold + noise; } else if surplus > 0 { charge -= noise; surplus -= 1; }
+/// while charge >= 0 { charge -= threshold; surplus += 1; }
+/// ```
 #[inline(always)]
 pub(super) fn compare<L: Lanes>(
     l: L,
@@ -128,9 +142,15 @@ pub(super) fn compare<L: Lanes>(
     fired
 }
 
-/// Compares and resets where the noise is in whole steps and the threshold is moved besides, `below` as in [`compare`]: [`compare_words`] in halves, which need not be
-/// joined to words and parted again. The first of `offsets` moves the
-/// threshold, the second, where there is one, only what charge is compared with.
+/// [`compare`] where the threshold is moved besides: [`compare_words`] in halves, which need not be
+/// joined to words and parted again. The first of the offsets moves the
+/// threshold, the second, where there is one, only what charge is compared with:
+///
+/// ```text
+/// let noise = noise + moved;
+/// fired = charge >= noise + only || surplus > 0;
+/// // then as `compare`
+/// ```
 #[inline(always)]
 pub(super) fn compare_moved<L: Lanes>(
     l: L,
@@ -182,8 +202,13 @@ pub(super) fn compare_moved<L: Lanes>(
     fired
 }
 
-/// Compares and resets with fractions, for fine threshold noise and resets that lose a remainder. The
-/// first of `offsets` moves the threshold, the second only what charge is compared with.
+/// [`compare_moved`] with fractions, for fine threshold noise and resets that lose a remainder:
+///
+/// ```text
+/// let (noise, bar) = (noise + moved, noise + moved + only);
+/// fired = charge >= bar || surplus > 0;
+/// if fired { charge = (charge - noise) * kept_remainder - threshold; }
+/// ```
 #[inline(always)]
 pub(super) fn compare_words<L: Lanes>(
     l: L,

@@ -7,8 +7,8 @@ use std::arch::x86_64::*;
 
 use bytemuck::cast;
 
-use super::avx2::proven;
-use super::bits::{Bits, Places, ROOM, WORDS};
+use super::matrix::{Bits, Places, ROOM, WORDS};
+use crate::kernels::isa::avx2::proven;
 
 /// Proof that the CPU has the instructions: only [`Avx512Bits::detect`] makes one.
 #[derive(Clone, Copy, Debug)]

@@ -1,14 +1,22 @@
-//! Two vectors together under one held frame, so that they share the words of each readout.
+//! Two vectors together under one held frame, so that they share the words of each readout. In scalar code:
+//!
+//! ```text
+//! let increment = gain * light + dark;
+//! for t in readouts {
+//!     for charge in pair { *charge += increment + shot_noise(t); }
+//!     for charge in pair { fired[t] = compare_and_reset(charge, thermal_noise(t)); }
+//! }
+//! ```
 
 use std::ops::Range;
 
-use crate::kernels::arriving::{acting, fallen};
-use crate::kernels::increment::{Fine, Increment};
-use crate::kernels::lanes::Lanes;
-use crate::kernels::pass::{Pass, Rows};
-use crate::kernels::pixels::{Constants, Pixels};
-use crate::kernels::rare::flip;
-use crate::kernels::step::{self, FREE, SURPLUS, stays_below};
+use crate::kernels::body::any_rules::flip;
+use crate::kernels::body::arriving::{acting, fallen};
+use crate::kernels::body::increment::{Fine, Increment};
+use crate::kernels::body::pass::{Pass, Rows};
+use crate::kernels::body::pixels::{Constants, Pixels};
+use crate::kernels::body::step::{self, FREE, SURPLUS, stays_below};
+use crate::kernels::isa::lanes::Lanes;
 use crate::kernels::{Job, Light, Samples};
 use crate::plan::StateParts;
 

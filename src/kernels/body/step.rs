@@ -3,10 +3,10 @@
 use crate::draws::hash::Round;
 use crate::draws::{gauss, poisson};
 use crate::kernels::Job;
-use crate::kernels::increment::{Fine, Increment, fixed};
-use crate::kernels::lanes::Lanes;
-use crate::kernels::pass::Row;
-use crate::kernels::pixels::{Constants, Pixels};
+use crate::kernels::body::increment::{Fine, Increment, fixed};
+use crate::kernels::body::pass::Row;
+use crate::kernels::body::pixels::{Constants, Pixels};
+use crate::kernels::isa::lanes::Lanes;
 
 /// No threshold noise.
 pub(super) const NONE: u8 = 0;
@@ -50,7 +50,7 @@ fn hash_words<L: Lanes>(l: L, keys: L::Word, round: &Round) -> L::Word {
 
 /// One readout of pixels without temporal noise; returns the reported bits.
 #[inline(always)]
-pub(super) fn bare<L: Lanes, const STORE: u8, const WHOLE: bool>(
+pub(super) fn noiseless<L: Lanes, const STORE: u8, const WHOLE: bool>(
     l: L,
     constants: &Constants<L>,
     increment: &Increment<L>,

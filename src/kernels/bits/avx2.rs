@@ -4,9 +4,9 @@
 
 use std::arch::x86_64::*;
 
-use super::avx2::{Avx2, proven};
-use super::lanes::Lanes;
 use super::shorts::{SHORTS, Shorts};
+use crate::kernels::isa::avx2::{Avx2, proven};
+use crate::kernels::isa::lanes::Lanes;
 
 impl Shorts for Avx2 {
     type Short = __m256i;

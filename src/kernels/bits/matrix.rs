@@ -145,8 +145,8 @@ mod tests {
     use rand_pcg::rand_core::{Rng, SeedableRng};
 
     use super::*;
-    use crate::kernels::counting::{Work, counting_with};
-    use crate::kernels::shorts::Shorts;
+    use crate::kernels::bits::counting::{Work, counting_with};
+    use crate::kernels::bits::shorts::Shorts;
 
     /// Rows 11 words apart of which `n` are there, turned; the first word's square turned back; the places of some words.
     struct All<'a> {

@@ -6,32 +6,17 @@ use std::arch::asm;
 use std::arch::x86_64::*;
 
 use crate::draws::gauss;
-use crate::kernels::Job;
-use crate::kernels::body::{self, by_case};
-use crate::kernels::lanes::Lanes;
-use crate::plan::StateParts;
+use crate::kernels::isa::lanes::Lanes;
 
 /// Proof that the CPU has the instructions: only [`Avx2::detect`] makes one.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Avx2(());
+pub(in crate::kernels) struct Avx2(());
 
 impl Avx2 {
     /// The token, if this CPU has AVX2.
     pub fn detect() -> Option<Self> {
         is_x86_feature_detected!("avx2").then_some(Self(()))
     }
-}
-
-/// Runs the job with 256-bit vectors.
-pub(super) fn run(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-    let token = Avx2::detect().expect("the avx2 backend needs AVX2");
-    // SAFETY: the token proves the feature that `enter` is compiled with.
-    by_case!(job, CASE => unsafe { enter::<CASE>(token, job, state, out) })
-}
-
-#[target_feature(enable = "avx2")]
-fn enter<const CASE: u8>(token: Avx2, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-    body::run::<_, CASE>(token, job, state, out);
 }
 
 /// An instruction on values.
@@ -41,7 +26,7 @@ macro_rules! proven {
         unsafe { $e }
     }};
 }
-pub(super) use proven;
+pub(in crate::kernels) use proven;
 
 /// The same expression for both vectors of a pair. (A closure given to `map`
 /// might be compiled apart, without the instructions of its caller.)

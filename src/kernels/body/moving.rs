@@ -1,5 +1,13 @@
-//! The body of plans with the rarer operations: light that changes with the readout or comes from
-//! neighbours, thresholds that move, state that lingers.
+//! The body of plans of which something moves: light that changes with the readout or comes from
+//! neighbours, thresholds that are not where they were, state that lingers. In scalar code:
+//!
+//! ```text
+//! charge -= leak * (charge + threshold);
+//! charge += increment(light(t), dark(t)) + noise_of_quanta(t) + coupling * neighbours_that_fired(t - 1);
+//! let offset = row_noise(t) + slow(t) + adapted - droop * share_that_fired(t - 1);
+//! fired = charge >= noise + offset + comparator(t); // `charge` is counted from the threshold
+//! if fired { charge -= threshold + noise + offset; adapted += rise; }
+//! ```
 //!
 //! One vector and one readout at a time, and the plan is asked at run time. It is a case of its own, so
 //! that plans without these operations do not carry their tests. `docs/performance.md` states its speed.
@@ -7,22 +15,23 @@
 //! A vector stays in registers over all readouts of a batch, unless pixels act on each other: then all vectors of the
 //! sensor step one readout, and what was computed from their light waits in memory for the next.
 
-use crate::kernels::arriving::{optics, seen, select_f, switched};
-use crate::kernels::increment::{Fine, Increment, fixed};
-use crate::kernels::lanes::Lanes;
-use crate::kernels::lingering::Lingering;
+use crate::kernels::body::any_rules;
+use crate::kernels::body::arriving::{dark, optics, seen, select_f};
+use crate::kernels::body::increment::{Fine, Increment, fixed};
+use crate::kernels::body::lingering::Lingering;
+use crate::kernels::body::pixels::{Constants, Pixels};
+use crate::kernels::body::step::{hash, stays_below};
+use crate::kernels::isa::lanes::Lanes;
 use crate::kernels::modulation::Around;
-use crate::kernels::pixels::{Constants, Pixels};
-use crate::kernels::step::{hash, stays_below};
-use crate::kernels::{Job, Light, rare};
+use crate::kernels::{Job, Light};
 use crate::plan::{Moving, StateParts};
 
-/// Runs a plan with moving rules.
+/// Runs a plan of which something moves.
 #[inline(always)]
-pub(super) fn general<L: Lanes>(l: L, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+pub(super) fn moving<L: Lanes>(l: L, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
     let Some(moving) = job.plan.moving() else { return };
     if moving.couples() && job.batch.readouts() > 1 {
-        return together(l, job, moving, state, out);
+        return frame_by_frame(l, job, moving, state, out);
     }
     let around = &job.batch.modulation().around;
     let bytes = job.tile_bytes();
@@ -43,7 +52,13 @@ pub(super) fn general<L: Lanes>(l: L, job: &Job<'_>, state: &mut StateParts<'_>,
 
 /// Pixels that act on each other: all vectors of the sensor at one readout after the other.
 #[inline(always)]
-fn together<L: Lanes>(l: L, job: &Job<'_>, moving: &Moving, state: &mut StateParts<'_>, out: &mut [u8]) {
+fn frame_by_frame<L: Lanes>(
+    l: L,
+    job: &Job<'_>,
+    moving: &Moving,
+    state: &mut StateParts<'_>,
+    out: &mut [u8],
+) {
     let mut around = job.batch.modulation().around.clone();
     let bytes = job.tile_bytes();
     let mut vectors = Vec::with_capacity(job.pixels() / L::N);
@@ -148,11 +163,10 @@ impl<L: Lanes> Vector<L> {
                 None => self.start,
             };
             let light = seen(l, job, moving, t, light, &mut self.lingering);
-            self.constants.dark =
-                switched(l, job, moving, &self.constants, self.dark, t, &mut self.lingering);
+            self.constants.dark = dark(l, job, moving, &self.constants, self.dark, t, &mut self.lingering);
             let increment = Increment::new::<true, true>(l, &self.constants, light);
             let fine = if increment.any_fine { Fine::new(l, job, self.constants.p, light) } else { None };
-            let below = job.plan.rules().surplus && !rare::needs_words(job) && fine.is_none();
+            let below = job.plan.rules().surplus && !any_rules::needs_words(job) && fine.is_none();
             let below = below && stays_below(l, &self.constants, &increment, &self.pixels, self.moved.sway);
             self.ready = Some((increment, fine, below));
         }
@@ -227,7 +241,7 @@ fn readout<L: Lanes>(
         peak: _,
         schedule: _,
         lag: _,
-        // `switched` this of the dark current,
+        // `dark` this of the dark current,
         telegraph: _,
         // `offsets` these of the threshold,
         row_noise: _,
@@ -244,7 +258,7 @@ fn readout<L: Lanes>(
         let lost = fixed(l, l.mul_f(stored, l.splat_f(-leak)), true);
         pixel.add_word(l, lost);
     }
-    rare::gather_charge(l, job, t, c, increment, fine, pixel);
+    any_rules::gather_charge(l, job, t, c, increment, fine, pixel);
     if *coupling != 0.0 {
         let count = l.to_f(l.widen(l.load(&around.neighbours, c.p)));
         let given = l.mul_f(l.mul_f(count, l.splat_f(*coupling)), moved.threshold);
@@ -253,18 +267,18 @@ fn readout<L: Lanes>(
     if !job.plan.tables().ceiling.is_empty() {
         pixel.charge = l.min(pixel.charge, c.ceiling);
     }
-    let words = rare::needs_words(job);
+    let words = any_rules::needs_words(job);
     let fired = if moving.moves_threshold() {
         let offsets = offsets(l, job, moving, t, c, moved, around.droop, lingering);
         if words {
-            rare::compare_words(l, job, t, c, Some(offsets), pixel)
+            any_rules::compare_words(l, job, t, c, Some(offsets), pixel)
         } else {
-            rare::compare_moved(l, job, t, c, offsets, below, pixel)
+            any_rules::compare_moved(l, job, t, c, offsets, below, pixel)
         }
     } else if words {
-        rare::compare_words(l, job, t, c, None, pixel)
+        any_rules::compare_words(l, job, t, c, None, pixel)
     } else {
-        rare::compare(l, job, t, c, below, pixel)
+        any_rules::compare(l, job, t, c, below, pixel)
     };
     if job.plan.rules().lost_increment != 0.0 || moving.couples() {
         pixel.fired = l.select(fired, l.splat(-1), l.splat(0));
@@ -275,7 +289,7 @@ fn readout<L: Lanes>(
         let adapted = l.add_f(l.sub_f(lingering.adapted, fallen), rise);
         lingering.adapted = l.min_f(adapted, l.splat_f(adaptation.highest));
     }
-    rare::flip(l, job, t, c, fired)
+    any_rules::flip(l, job, t, c, fired)
 }
 
 /// By how much the threshold is off, and what is compared with besides; steps x 65,536.

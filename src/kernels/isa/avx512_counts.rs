@@ -13,8 +13,8 @@ use std::arch::x86_64::*;
 
 use crate::draws::hash::Round;
 use crate::draws::poisson::COLUMNS;
-use crate::kernels::avx512::{Avx512, EVEN, ODD};
-use crate::kernels::lanes::{COUNTED, CountDraw, MOST_COUNTS};
+use crate::kernels::isa::avx512_token::{Avx512, EVEN, ODD};
+use crate::kernels::isa::lanes::{COUNTED, CountDraw, MOST_COUNTS};
 
 const PIXELS: usize = 32;
 
@@ -184,9 +184,9 @@ fn turn(mut v: [__m512i; 16]) -> [__m512i; 16] {
     v
 }
 
-/// See [`crate::kernels::lanes::Lanes::counts`].
+/// See [`crate::kernels::isa::lanes::Lanes::counts`].
 #[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
-pub(super) fn counts(
+pub(in crate::kernels) fn counts(
     _token: Avx512,
     draw: &CountDraw<'_>,
     table: &[u32; PIXELS],

@@ -1,7 +1,7 @@
 //! A vector's state and constants, in registers.
 
 use crate::kernels::Job;
-use crate::kernels::lanes::Lanes;
+use crate::kernels::isa::lanes::Lanes;
 use crate::plan::{NoiseTable, Rules, StateParts, Tables};
 
 /// The high and the low half of a word.
@@ -38,14 +38,14 @@ impl<L: Lanes> Pixels<L> {
 
     /// What a plan without temporal noise has.
     #[inline(always)]
-    pub fn bare(l: L, state: &StateParts<'_>, at: usize) -> Self {
+    pub fn noiseless(l: L, state: &StateParts<'_>, at: usize) -> Self {
         let none = l.splat(0);
         let (charge, fraction) = (l.load(state.charge, at), l.load(state.fraction, at));
         Self { charge, fraction, surplus: none, fired: none, held: none, held_fraction: none }
     }
 
     #[inline(always)]
-    pub fn store_bare(&self, l: L, state: &mut StateParts<'_>, at: usize) {
+    pub fn store_noiseless(&self, l: L, state: &mut StateParts<'_>, at: usize) {
         l.store(state.charge, at, self.charge);
         l.store(state.fraction, at, self.fraction);
     }
@@ -134,7 +134,7 @@ pub(super) struct Constants<L: Lanes> {
 impl<L: Lanes> Constants<L> {
     /// What a plan without temporal noise has.
     #[inline(always)]
-    pub fn bare(l: L, job: &Job<'_>, p: usize) -> Self {
+    pub fn noiseless(l: L, job: &Job<'_>, p: usize) -> Self {
         let (tables, none, zero) = (job.plan.tables(), l.splat_f(0.0), l.splat(0));
         Self {
             p,

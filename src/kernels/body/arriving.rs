@@ -1,10 +1,11 @@
 //! The light and the dark current that arrive at a readout, where they are not those of the frame and the table.
 
-use crate::kernels::increment::{cut_off, sample, scalar};
-use crate::kernels::lanes::Lanes;
-use crate::kernels::lingering::Lingering;
-use crate::kernels::pixels::Constants;
-use crate::kernels::{Job, Samples, rare};
+use crate::kernels::body::any_rules;
+use crate::kernels::body::increment::{cut_off, sample, scalar};
+use crate::kernels::body::lingering::Lingering;
+use crate::kernels::body::pixels::Constants;
+use crate::kernels::isa::lanes::Lanes;
+use crate::kernels::{Job, Samples};
 use crate::plan::Moving;
 
 /// Light of a frame after it has spread to neighbours, in 1/255 of full scale.
@@ -93,24 +94,24 @@ pub(super) fn seen<L: Lanes>(
     l.add_f(light, l.mul_f(l.sub_f(late, light), l.splat_f(lag.fraction)))
 }
 
-/// The dark current of this readout.
+/// The dark current of this readout around its `mean`.
 #[inline(always)]
-pub(super) fn switched<L: Lanes>(
+pub(super) fn dark<L: Lanes>(
     l: L,
     job: &Job<'_>,
     moving: &Moving,
     c: &Constants<L>,
-    dark: L::Float,
+    mean: L::Float,
     t: usize,
     lingering: &mut Lingering<L>,
 ) -> L::Float {
-    let Some(switch) = &moving.telegraph else { return dark };
-    let switches = rare::below(l, c.pair_keys, &job.batch.modulation().telegraph, t, switch.rate);
+    let Some(telegraph) = &moving.telegraph else { return mean };
+    let switches = any_rules::below(l, c.pair_keys, &job.batch.modulation().telegraph, t, telegraph.rate);
     let change = l.select(switches, l.splat(-1), l.splat(0));
     lingering.low = l.xor(lingering.low, change);
-    let amplitude = l.load_f(&switch.amplitude, c.p);
+    let amplitude = l.load_f(&telegraph.amplitude, c.p);
     let is_low = l.greater(l.splat(0), lingering.low);
-    let (less, more) = (l.sub_f(dark, amplitude), l.add_f(dark, amplitude));
+    let (less, more) = (l.sub_f(mean, amplitude), l.add_f(mean, amplitude));
     select_f(l, is_low, less, more)
 }
 

@@ -3,11 +3,11 @@
 #![cfg_attr(target_arch = "x86_64", allow(unsafe_code, reason = "instructions that were asked for first"))]
 
 #[cfg(target_arch = "x86_64")]
-use super::avx2::Avx2;
-#[cfg(target_arch = "x86_64")]
-use super::avx512_bits::Avx512Bits;
-use super::bits::Bits;
+use super::avx512::Avx512Bits;
+use super::matrix::Bits;
 use super::shorts::{AnyCpu, Shorts};
+#[cfg(target_arch = "x86_64")]
+use crate::kernels::isa::avx2::Avx2;
 
 /// Work that also wants vectors of 16-bit integers, and bits turned and found.
 pub(crate) trait Work {

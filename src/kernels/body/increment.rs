@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use crate::draws::{gauss, poisson};
-use crate::kernels::lanes::{CountDraw, Lanes, MOST_COUNTS};
-use crate::kernels::pixels::{Constants, Halves, halves};
+use crate::kernels::body::pixels::{Constants, Halves, halves};
+use crate::kernels::isa::lanes::{CountDraw, Lanes, MOST_COUNTS};
 use crate::kernels::{Job, Samples};
 
 // The same numbers as in the reference, which derives them.
@@ -67,7 +67,7 @@ impl<L: Lanes> Increment<L> {
         result
     }
 
-    /// For light at which no pixel of the vector needs [`Fine`], and no rare rule holds.
+    /// For light at which no pixel of the vector needs [`Fine`], and none of the further rules holds.
     #[inline(always)]
     pub fn bright(l: L, c: &Constants<L>, light: L::Float) -> Self {
         let word = fixed(l, l.add_f(l.mul_f(light, c.gain), c.dark), c.clip);

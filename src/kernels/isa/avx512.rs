@@ -5,38 +5,10 @@
 use std::arch::x86_64::*;
 
 use crate::draws::gauss;
-use crate::kernels::Job;
-use crate::kernels::avx2::proven;
-use crate::kernels::avx512_counts;
-use crate::kernels::body::{self, by_case};
-use crate::kernels::lanes::{CountDraw, Lanes, MOST_COUNTS};
-use crate::plan::StateParts;
-
-/// Proof that the CPU has the instructions: only [`Avx512::detect`] makes one.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Avx512(());
-
-impl Avx512 {
-    /// The token, if this CPU has AVX-512 F, BW and VBMI.
-    pub fn detect() -> Option<Self> {
-        let has = is_x86_feature_detected!("avx512f")
-            && is_x86_feature_detected!("avx512bw")
-            && is_x86_feature_detected!("avx512vbmi");
-        has.then_some(Self(()))
-    }
-}
-
-/// Runs the job with 512-bit vectors.
-pub(super) fn run(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-    let token = Avx512::detect().expect("the avx512 backend needs AVX-512 F, BW and VBMI");
-    // SAFETY: the token proves the features that `enter` is compiled with.
-    by_case!(job, CASE => unsafe { enter::<CASE>(token, job, state, out) })
-}
-
-#[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
-fn enter<const CASE: u8>(token: Avx512, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-    body::run::<_, CASE>(token, job, state, out);
-}
+use crate::kernels::isa::avx2::proven;
+use crate::kernels::isa::avx512_counts;
+use crate::kernels::isa::avx512_token::{Avx512, EVEN, ODD};
+use crate::kernels::isa::lanes::{CountDraw, Lanes, MOST_COUNTS};
 
 /// The same expression for both vectors of a pair. (A closure given to `map`
 /// might be compiled apart, without the instructions of its caller.)
@@ -95,20 +67,6 @@ const fn repeated(table: [i8; 16]) -> [i8; 64] {
 /// times over, the upper two need not be masked off.
 static LOW: [i8; 64] = repeated(gauss::LOW);
 static HIGH: [i8; 64] = repeated(gauss::HIGH);
-
-const fn words(start: i16) -> [i16; 32] {
-    let mut index = [0; 32];
-    let mut i = 0;
-    while i < 32 {
-        index[i] = start + 2 * i as i16;
-        i += 1;
-    }
-    index
-}
-
-/// Positions of the even and odd words of two vectors.
-pub(super) static EVEN: [i16; 32] = words(0);
-pub(super) static ODD: [i16; 32] = words(1);
 
 const fn interleave(start: i16) -> [i16; 32] {
     let mut index = [0; 32];

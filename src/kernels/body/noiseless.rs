@@ -1,11 +1,19 @@
 //! Plans without temporal noise: four vectors together, because each readout
-//! is so short that one vector alone would wait for its own results.
+//! is so short that one vector alone would wait for its own results. In scalar code:
+//!
+//! ```text
+//! for t in readouts {
+//!     charge = min(charge + gain * light(t) + dark, ceiling);
+//!     fired[t] = charge >= 0; // `charge` is counted from the threshold
+//!     if fired[t] { charge -= threshold; }
+//! }
+//! ```
 
-use crate::kernels::increment::{Increment, Sample, cut_off, sample, sample_bytes};
-use crate::kernels::lanes::Lanes;
-use crate::kernels::pass::{Ahead, FRAMES, Pass, passes};
-use crate::kernels::pixels::{Constants, Pixels};
-use crate::kernels::step;
+use crate::kernels::body::increment::{Increment, Sample, cut_off, sample, sample_bytes};
+use crate::kernels::body::pass::{Ahead, FRAMES, Pass, passes};
+use crate::kernels::body::pixels::{Constants, Pixels};
+use crate::kernels::body::step;
+use crate::kernels::isa::lanes::Lanes;
 use crate::kernels::{Job, Light, Samples};
 use crate::plan::StateParts;
 
@@ -14,7 +22,7 @@ const TOGETHER: usize = 4;
 
 /// Runs a plan without temporal noise.
 #[inline(always)]
-pub(super) fn bare<L: Lanes, const STORE: u8, const WHOLE: bool>(
+pub(super) fn noiseless<L: Lanes, const STORE: u8, const WHOLE: bool>(
     l: L,
     job: &Job<'_>,
     state: &mut StateParts<'_>,
@@ -79,11 +87,11 @@ fn load<L: Lanes, const U: usize>(
     at: usize,
 ) -> ([Constants<L>; U], [Pixels<L>; U]) {
     let first = job.range().start + at;
-    let mut constants = [Constants::bare(l, job, first); U];
-    let mut pixels = [Pixels::bare(l, state, at); U];
+    let mut constants = [Constants::noiseless(l, job, first); U];
+    let mut pixels = [Pixels::noiseless(l, state, at); U];
     for u in 1..U {
-        constants[u] = Constants::bare(l, job, first + u * L::N);
-        pixels[u] = Pixels::bare(l, state, at + u * L::N);
+        constants[u] = Constants::noiseless(l, job, first + u * L::N);
+        pixels[u] = Pixels::noiseless(l, state, at + u * L::N);
     }
     (constants, pixels)
 }
@@ -91,7 +99,7 @@ fn load<L: Lanes, const U: usize>(
 #[inline(always)]
 fn store<L: Lanes, const U: usize>(l: L, pixels: &[Pixels<L>; U], state: &mut StateParts<'_>, at: usize) {
     for u in 0..U {
-        pixels[u].store_bare(l, state, at + u * L::N);
+        pixels[u].store_noiseless(l, state, at + u * L::N);
     }
 }
 
@@ -114,7 +122,7 @@ fn grey<L: Lanes, const STORE: u8, const U: usize>(
         let row = &mut row[at / 8..][..U * L::N / 8];
         for u in 0..U {
             let increment = Increment::whole(l, &constants[u], l.bytes(frame, u * L::N));
-            let fired = step::bare::<L, STORE, true>(l, &constants[u], &increment, &mut pixels[u]);
+            let fired = step::noiseless::<L, STORE, true>(l, &constants[u], &increment, &mut pixels[u]);
             l.store_bits(row, u * L::N / 8, fired);
         }
     }
@@ -142,7 +150,7 @@ fn singles<L: Lanes, T: Sample, const STORE: u8, const U: usize>(
         for u in 0..U {
             let light = cut_off(l, greatest, T::light(l, frame, u * L::N), T::UNBOUNDED);
             let increment = Increment::new::<false, false>(l, &constants[u], light);
-            let fired = step::bare::<L, STORE, false>(l, &constants[u], &increment, &mut pixels[u]);
+            let fired = step::noiseless::<L, STORE, false>(l, &constants[u], &increment, &mut pixels[u]);
             l.store_bits(row, u * L::N / 8, fired);
         }
     }
@@ -173,8 +181,12 @@ fn mixed<L: Lanes, const STORE: u8, const WHOLE: bool, const U: usize>(
                 for row in rows.chunks_exact_mut(bytes) {
                     let row = &mut row[at / 8..][..U * L::N / 8];
                     for u in 0..U {
-                        let fired =
-                            step::bare::<L, STORE, WHOLE>(l, &constants[u], &increments[u], &mut pixels[u]);
+                        let fired = step::noiseless::<L, STORE, WHOLE>(
+                            l,
+                            &constants[u],
+                            &increments[u],
+                            &mut pixels[u],
+                        );
                         l.store_bits(row, u * L::N / 8, fired);
                     }
                 }
@@ -190,7 +202,7 @@ fn mixed<L: Lanes, const STORE: u8, const WHOLE: bool, const U: usize>(
                         let light = l.add_f(start, l.mul_f(way, l.splat_f(weight)));
                         let light = cut_off(l, greatest, light, true);
                         let increment = Increment::new::<false, false>(l, c, light);
-                        let fired = step::bare::<L, STORE, false>(l, c, &increment, &mut pixels[u]);
+                        let fired = step::noiseless::<L, STORE, false>(l, c, &increment, &mut pixels[u]);
                         l.store_bits(row, u * L::N / 8, fired);
                     }
                 }

@@ -1,6 +1,6 @@
 //! What lingers of a vector's pixels from readout to readout besides charge.
 
-use crate::kernels::lanes::Lanes;
+use crate::kernels::isa::lanes::Lanes;
 use crate::plan::{ADAPTED, LATE, LOW, SLOW, StateParts};
 
 /// In registers; each is zero where the plan has no such thing.

@@ -1,22 +1,13 @@
-//! The kernel, written once over [`Lanes`].
+//! Plans with quanta or threshold noise, a vector or two at a time. In scalar code:
 //!
-//! For every vector of pixels of the tile: load its constants and state into
-//! registers, step through the readouts of a pass, store the state. What
-//! changes with the light is computed once for every stretch of equal light
-//! ([`Increment`]), also when that stretch is a single readout.
-//!
-//! A pass is the whole batch when frames are held. When they change faster, it
-//! ends after [`FRAMES`] frames, so that the frames are read side by side as
-//! few long streams, and each pass asks for the next one's lines; a hundred
-//! frames at once, one cache line from each, ran at a quarter of the speed.
-//!
-//! The const parameters make the common cases free of tests: the `NOISE` of the
-//! threshold ([`NONE`], [`READOUT`], [`RESET`]), how charge is stored (`STORE`:
-//! [`FREE`], [`CLAMPED`], [`SURPLUS`]), `WHOLE` for increments without a
-//! fraction. With `ANY` the plan is asked at run time instead, and the rarer
-//! rules apply too; with `EXTRA` it is asked so only where two vectors cannot run
-//! together, and of those rules there are a dead time and flipped bits. Operations
-//! beyond these have a body of their own, `general`.
+//! ```text
+//! for t in readouts {
+//!     charge = min(charge + gain * light(t) + dark + shot_noise(t), ceiling);
+//!     let noise = if redrawn_at_resets { held } else { thermal_noise(t) };
+//!     fired[t] = charge >= noise; // `charge` is counted from the threshold
+//!     if fired[t] { charge -= threshold + noise; held = thermal_noise(t); }
+//! }
+//! ```
 //!
 //! Rejected: one draw for light and threshold together (shot charge always
 //! stays, threshold noise counts only at a spike); skipping threshold draws
@@ -25,100 +16,20 @@
 
 use std::ops::Range;
 
-use crate::kernels::arriving::{acting, fallen};
-use crate::kernels::bare::bare;
-use crate::kernels::general::general;
-use crate::kernels::increment::{Fine, Increment, Sample, cut_off};
-use crate::kernels::lanes::{COUNTED, Lanes};
-use crate::kernels::pair::pair;
-use crate::kernels::pass::{Pass, Row, Rows, passes};
-use crate::kernels::pixels::{Constants, Pixels};
-use crate::kernels::rare;
-use crate::kernels::step::{self, CLAMPED, FREE, NONE, READOUT, RESET, SURPLUS};
+use crate::kernels::body::any_rules;
+use crate::kernels::body::arriving::{acting, fallen};
+use crate::kernels::body::increment::{Fine, Increment, Sample, cut_off};
+use crate::kernels::body::pair::pair;
+use crate::kernels::body::pass::{Pass, Row, Rows, passes};
+use crate::kernels::body::pixels::{Constants, Pixels};
+use crate::kernels::body::step;
+use crate::kernels::isa::lanes::{COUNTED, Lanes};
 use crate::kernels::{Job, Light, Samples};
-use crate::pixel::Redraw;
-use crate::plan::{NoiseTable, StateParts};
-
-/// The cases that have a function of their own in every backend: one function
-/// with all of them has fifty thousand instructions, and the compiler then
-/// stops to inline and spills what it could keep.
-pub(super) const CASES: u8 = 12;
-
-/// Evaluates an expression with the number of the job's case as a constant.
-macro_rules! by_case {
-    ($job:expr, $case:ident => $e:expr) => {
-        by_case!(@ $job, $case, $e, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10])
-    };
-    (@ $job:expr, $case:ident, $e:expr, [$($n:literal),*]) => {
-        match body::case($job) {
-            $($n => { const $case: u8 = $n; $e })*
-            _ => { const $case: u8 = body::CASES - 1; $e }
-        }
-    };
-}
-pub(super) use by_case;
-
-/// The case of a job.
-pub(super) fn case(job: &Job<'_>) -> u8 {
-    if job.plan.moving().is_some_and(|moving| !moving.only_bends_light()) {
-        return CASES - 1;
-    }
-    let (tables, rules) = (job.plan.tables(), job.plan.rules());
-    let noise = match (&tables.noise, rules.redraw) {
-        (None, _) => Some(NONE),
-        (Some(NoiseTable::Whole(_)), Redraw::EveryReadout) => Some(READOUT),
-        (Some(NoiseTable::Whole(_)), Redraw::EveryReset) => Some(RESET),
-        (Some(NoiseTable::Fine(_)), _) => None,
-    };
-    let extra = rules.extras();
-    let noise = noise.filter(|_| rules.keeps_remainder());
-    let store = match (rules.surplus, tables.ceiling.is_empty()) {
-        (true, _) => SURPLUS,
-        (false, true) => FREE,
-        (false, false) => CLAMPED,
-    };
-    let bytes = job.batch.segments().iter().all(|(_, light)| matches!(light, Light::Held(Samples::U8(_))));
-    let bends = job.plan.moving().is_some();
-    let whole = bytes && !tables.whole_gain.is_empty();
-    match (tables.shot.is_some(), noise, store) {
-        (true, Some(READOUT), CLAMPED) if extra => 8,
-        (true, Some(READOUT), SURPLUS) if extra => 9,
-        _ if extra => 10,
-        (false, Some(NONE), _) if bends => 10,
-        (false, Some(NONE), FREE) if whole => 0,
-        (false, Some(NONE), FREE) => 1,
-        (false, Some(NONE), CLAMPED) if whole => 2,
-        (false, Some(NONE), CLAMPED) => 3,
-        (true, Some(NONE), CLAMPED) => 4,
-        (true, Some(READOUT), CLAMPED) => 5,
-        (true, Some(READOUT), SURPLUS) => 6,
-        (true, Some(RESET), CLAMPED) => 7,
-        _ => 10,
-    }
-}
-
-/// Runs a job of case `CASE`.
-#[inline(always)]
-pub(super) fn run<L: Lanes, const CASE: u8>(l: L, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-    match CASE {
-        0 => bare::<L, FREE, true>(l, job, state, out),
-        1 => bare::<L, FREE, false>(l, job, state, out),
-        2 => bare::<L, CLAMPED, true>(l, job, state, out),
-        3 => bare::<L, CLAMPED, false>(l, job, state, out),
-        4 => noisy::<L, NONE, CLAMPED, false, false>(l, job, state, out),
-        5 => noisy::<L, READOUT, CLAMPED, false, false>(l, job, state, out),
-        6 => noisy::<L, READOUT, SURPLUS, false, false>(l, job, state, out),
-        7 => noisy::<L, RESET, CLAMPED, false, false>(l, job, state, out),
-        8 => noisy::<L, READOUT, CLAMPED, true, true>(l, job, state, out),
-        9 => noisy::<L, READOUT, SURPLUS, true, true>(l, job, state, out),
-        10 => noisy::<L, NONE, SURPLUS, true, false>(l, job, state, out),
-        _ => general(l, job, state, out),
-    }
-}
+use crate::plan::StateParts;
 
 /// Plans with noise: one vector at a time.
 #[inline(always)]
-fn noisy<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool, const EXTRA: bool>(
+pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool, const EXTRA: bool>(
     l: L,
     job: &Job<'_>,
     state: &mut StateParts<'_>,
@@ -288,7 +199,7 @@ fn stretch<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
     }
 }
 
-/// The readout of common or of rare plans.
+/// The readout of common plans, or of any rules.
 #[inline(always)]
 fn any<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
     l: L,
@@ -300,7 +211,7 @@ fn any<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
     pixels: &mut Pixels<L>,
 ) -> L::Mask {
     if ANY {
-        rare::readout(l, job, row.t, c, increment, fine, pixels)
+        any_rules::readout(l, job, row.t, c, increment, fine, pixels)
     } else {
         step::noisy::<L, NOISE, STORE>(l, job, row, c, increment, fine, pixels)
     }

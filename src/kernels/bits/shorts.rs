@@ -114,8 +114,8 @@ mod tests {
     use rand_pcg::rand_core::{Rng, SeedableRng};
 
     use super::*;
-    use crate::kernels::bits::Bits;
-    use crate::kernels::counting::{Work, counting_with};
+    use crate::kernels::bits::counting::{Work, counting_with};
+    use crate::kernels::bits::matrix::Bits;
 
     /// What every method says of two vectors, each as sixteen numbers.
     struct All([i16; SHORTS], [i16; SHORTS]);

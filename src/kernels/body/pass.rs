@@ -5,8 +5,8 @@ use std::slice::{ChunksExactMut, Iter};
 
 use crate::draws::hash::Round;
 use crate::kernels::batch::NoiseRound;
-use crate::kernels::increment::Sample;
-use crate::kernels::lanes::Lanes;
+use crate::kernels::body::increment::Sample;
+use crate::kernels::isa::lanes::Lanes;
 use crate::kernels::{Job, Light, Samples};
 
 /// Frames of a pass.

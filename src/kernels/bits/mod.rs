@@ -1,0 +1,18 @@
+//! Bits counted, turned round and found: what `measure` and `diagnose` do with streams. No plan runs here; it shares only the
+//! instruction sets with the kernels.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod counting;
+mod matrix;
+mod shorts;
+
+#[cfg(all(feature = "files", feature = "threads"))]
+pub(crate) use counting::counting;
+pub(crate) use counting::{Work, counting_with};
+pub(crate) use matrix::{Bits, Places, ROOM, SLACK, WORDS};
+#[cfg(test)]
+pub(crate) use shorts::AnyCpu;
+pub(crate) use shorts::{SHORTS, Shorts};

@@ -1,0 +1,34 @@
+//! The kernels, written once over [`Lanes`](super::isa::lanes::Lanes).
+//!
+//! For every vector of pixels of the tile: load its constants and state into
+//! registers, step through the readouts of a pass, store the state. What
+//! changes with the light is computed once for every stretch of equal light
+//! ([`increment::Increment`]), also when that stretch is a single readout.
+//!
+//! A pass is the whole batch when frames are held. When they change faster, it
+//! ends after [`pass::FRAMES`] frames, so that the frames are read side by side as
+//! few long streams, and each pass asks for the next one's lines; a hundred
+//! frames at once, one cache line from each, ran at a quarter of the speed.
+//!
+//! Const parameters make the common cases free of tests: the `NOISE` of the
+//! threshold ([`step::NONE`], [`step::READOUT`], [`step::RESET`]), how charge is stored (`STORE`:
+//! [`step::FREE`], [`step::CLAMPED`], [`step::SURPLUS`]), `WHOLE` for increments without a
+//! fraction. With `ANY` the plan is asked at run time instead, and any of its rules
+//! apply; with `EXTRA` it is asked so only where two vectors cannot run
+//! together, and of those rules there are a dead time and flipped bits. What
+//! moves has a body of its own, [`moving`]. The table of all is in [`case`].
+
+mod any_rules;
+mod arriving;
+mod case;
+mod increment;
+mod lingering;
+mod moving;
+mod noiseless;
+mod noisy;
+mod pair;
+mod pass;
+mod pixels;
+mod step;
+
+pub(super) use case::{Entry, by_case, run};

@@ -1,0 +1,71 @@
+//! One function for each case and instruction set, compiled with its instructions.
+
+#![cfg_attr(
+    target_arch = "x86_64",
+    allow(unsafe_code, reason = "instructions that tokens prove the CPU to have")
+)]
+
+use crate::kernels::Job;
+use crate::kernels::body::{self, Entry};
+use crate::kernels::isa::portable::Portable;
+#[cfg(target_arch = "x86_64")]
+use crate::kernels::isa::{avx2::Avx2, avx512_token::Avx512};
+use crate::plan::StateParts;
+
+/// A job, the state that it edits and the bits that it writes, for an instruction set.
+struct Work<'a, 'b, 'c, T> {
+    token: T,
+    job: &'a Job<'a>,
+    state: &'b mut StateParts<'c>,
+    out: &'b mut [u8],
+}
+
+/// Runs the job with the vectors of the `wide` crate.
+pub(super) fn portable(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+    body::by_case(job, Work { token: Portable, job, state, out });
+}
+
+impl Entry for Work<'_, '_, '_, Portable> {
+    #[inline(never)]
+    fn enter<const CASE: u8>(self) {
+        body::run::<_, CASE>(self.token, self.job, self.state, self.out);
+    }
+}
+
+/// Runs the job with 256-bit vectors.
+#[cfg(target_arch = "x86_64")]
+pub(super) fn avx2(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+    let token = Avx2::detect().expect("the avx2 backend needs AVX2");
+    body::by_case(job, Work { token, job, state, out });
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Entry for Work<'_, '_, '_, Avx2> {
+    fn enter<const CASE: u8>(self) {
+        #[target_feature(enable = "avx2")]
+        fn enter<const CASE: u8>(token: Avx2, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+            body::run::<_, CASE>(token, job, state, out);
+        }
+        // SAFETY: the token proves the feature that the function is compiled with.
+        unsafe { enter::<CASE>(self.token, self.job, self.state, self.out) }
+    }
+}
+
+/// Runs the job with 512-bit vectors.
+#[cfg(target_arch = "x86_64")]
+pub(super) fn avx512(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+    let token = Avx512::detect().expect("the avx512 backend needs AVX-512 F, BW and VBMI");
+    body::by_case(job, Work { token, job, state, out });
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Entry for Work<'_, '_, '_, Avx512> {
+    fn enter<const CASE: u8>(self) {
+        #[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
+        fn enter<const CASE: u8>(token: Avx512, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+            body::run::<_, CASE>(token, job, state, out);
+        }
+        // SAFETY: the token proves the features that the function is compiled with.
+        unsafe { enter::<CASE>(self.token, self.job, self.state, self.out) }
+    }
+}

@@ -1,0 +1,29 @@
+//! Proof of AVX-512, and what both files of its instructions look up.
+
+/// Proof that the CPU has the instructions: only [`Avx512::detect`] makes one.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::kernels) struct Avx512(());
+
+impl Avx512 {
+    /// The token, if this CPU has AVX-512 F, BW and VBMI.
+    pub fn detect() -> Option<Self> {
+        let has = is_x86_feature_detected!("avx512f")
+            && is_x86_feature_detected!("avx512bw")
+            && is_x86_feature_detected!("avx512vbmi");
+        has.then_some(Self(()))
+    }
+}
+
+const fn words(start: i16) -> [i16; 32] {
+    let mut index = [0; 32];
+    let mut i = 0;
+    while i < 32 {
+        index[i] = start + 2 * i as i16;
+        i += 1;
+    }
+    index
+}
+
+/// Positions of the even and odd words of two vectors.
+pub(in crate::kernels) static EVEN: [i16; 32] = words(0);
+pub(in crate::kernels) static ODD: [i16; 32] = words(1);

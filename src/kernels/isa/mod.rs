@@ -1,0 +1,13 @@
+//! What instruction sets do with vectors of pixels: one trait, [`lanes::Lanes`], and its implementors.
+
+#[cfg(target_arch = "x86_64")]
+pub(super) mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+#[cfg(target_arch = "x86_64")]
+mod avx512_counts;
+#[cfg(target_arch = "x86_64")]
+pub(super) mod avx512_token;
+pub(super) mod lanes;
+pub(super) mod portable;
+mod wide_lanes;
