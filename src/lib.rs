@@ -53,6 +53,8 @@ pub mod formats;
 mod interpolation;
 pub mod kernels;
 pub mod light;
+#[cfg(feature = "files")]
+pub mod live;
 pub mod measure;
 #[cfg(feature = "files")]
 pub mod npy;

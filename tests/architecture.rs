@@ -15,7 +15,7 @@ const HOUSE: &[&[&str]] = &[
     &["kernels", "storage", "scene"],
     &["formats", "light"],
     &["simulate"],
-    &["measure", "reconstruct"],
+    &["measure", "reconstruct", "live"],
     &["report"],
     &["calibrate"],
     &["diagnose", "compare"],

@@ -16,6 +16,7 @@ mod forecast;
 mod images;
 mod inspect;
 mod light;
+mod live;
 mod man;
 mod measure;
 mod output;
@@ -65,6 +66,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Simulate(Box<simulate::Args>),
+    Live(Box<live::Args>),
     Inspect(inspect::Args),
     Convert(convert::Args),
     Verify(verify::Args),
@@ -108,6 +110,7 @@ fn dispatch(command: Option<Command>, out: &Out) -> Result<()> {
     match command {
         None => first_run::run(out),
         Some(Command::Simulate(args)) => simulate::run(&args, out),
+        Some(Command::Live(args)) => live::run(&args, out),
         Some(Command::Inspect(args)) => inspect::run(&args, out),
         Some(Command::Convert(args)) => convert::run(&args, out),
         Some(Command::Verify(args)) => verify::run(&args, out),

@@ -7,7 +7,7 @@ mod light;
 mod maps;
 mod write;
 
-pub use bytes::{from_bytes, from_bytes_with, to_bytes};
+pub use bytes::{from_bytes, from_bytes_with, key, to_bytes};
 pub use distribution::{Distribution, Range};
 pub use file::{parse, parse_with};
 pub use write::{Saved, to_toml};

@@ -13,7 +13,11 @@ mod looks;
 #[cfg(feature = "threads")]
 mod pool;
 #[cfg(feature = "files")]
+mod readouts;
+#[cfg(feature = "files")]
 mod run;
+#[cfg(feature = "files")]
+pub mod saved;
 mod segments;
 #[cfg(feature = "files")]
 mod sidecar;
@@ -31,6 +35,8 @@ pub use images::{ImageFacts, ImageFile, ImageForm, linear_png};
 pub use looks::{Glance, Looks, light_at};
 #[cfg(feature = "threads")]
 pub use pool::Pool;
+#[cfg(feature = "files")]
+pub use readouts::Readouts;
 #[cfg(feature = "files")]
 pub use run::{Outcome, Run, Written, run, run_looking};
 #[cfg(feature = "files")]

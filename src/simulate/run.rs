@@ -20,7 +20,7 @@ const READOUTS: usize = 256;
 
 /// Bytes of light, and of packed readouts, held at a time; so memory grows neither with the
 /// length of a stream nor with the number of its frames.
-const HELD: usize = 32 << 20;
+pub(super) const HELD: usize = 32 << 20;
 
 /// Light that a plan is made for when float frames may exceed full scale and nobody says how far.
 const BEYOND: f64 = 2.0;
@@ -80,7 +80,7 @@ impl Run {
         Some(self.readouts.map_or(of_source, |n| n.min(of_source)))
     }
 
-    fn plans(&self, first: &Frame, clean: bool) -> Result<(f64, Vec<Plan>)> {
+    pub(super) fn plans(&self, first: &Frame, clean: bool) -> Result<(f64, Vec<Plan>)> {
         let all = |light: f64| -> Result<Vec<Plan>> {
             let mut plans = vec![Plan::with_light(&self.camera, self.seeds, light)?];
             if clean {
@@ -221,7 +221,7 @@ pub fn run_looking(
     })
 }
 
-fn simulator(job: &Run, plan: Plan) -> Result<Simulator> {
+pub(super) fn simulator(job: &Run, plan: Plan) -> Result<Simulator> {
     let simulator = Simulator::of_plan(plan).with_backend(job.backend)?;
     #[cfg(feature = "threads")]
     let simulator = simulator.with_threads(job.threads)?;

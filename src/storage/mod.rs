@@ -8,11 +8,13 @@
 mod digest;
 mod map;
 mod partial;
+mod shared;
 mod words;
 mod writer;
 
 pub use digest::Digest;
 pub use map::Map;
+pub use shared::Shared;
 pub(crate) use words::Words;
 pub use writer::{Finished, Writer};
 

@@ -207,7 +207,7 @@ fn check_space(path: &Path, needed: u64) -> Result<()> {
     Ok(())
 }
 
-fn reserve_error(path: &Path, needed: u64, e: std::io::Error) -> Error {
+pub(super) fn reserve_error(path: &Path, needed: u64, e: std::io::Error) -> Error {
     let error = Error::io(path.display(), e);
     match error.kind() {
         Kind::Space => space(path, needed, free_bytes(path).unwrap_or(0)),
@@ -216,7 +216,7 @@ fn reserve_error(path: &Path, needed: u64, e: std::io::Error) -> Error {
 }
 
 /// Makes a file of `from` bytes `to` bytes long, with every block reserved.
-fn reserve(file: &File, from: u64, to: u64) -> std::io::Result<()> {
+pub(super) fn reserve(file: &File, from: u64, to: u64) -> std::io::Result<()> {
     if to == from {
         return Ok(());
     }

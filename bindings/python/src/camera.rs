@@ -46,14 +46,9 @@ impl std::hash::Hash for Camera {
     }
 }
 
-/// FNV-1a: the same on every machine and in every version.
-pub fn digest(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01b3))
-}
-
 impl Camera {
     pub fn of(camera: spikelane::Camera) -> PyResult<Self> {
-        let key = digest(&spikelane::presets::to_bytes(&camera).or_raise()?);
+        let key = spikelane::presets::key(&spikelane::presets::to_bytes(&camera).or_raise()?);
         Ok(Self { inner: Arc::new(Inner { camera, key }) })
     }
 

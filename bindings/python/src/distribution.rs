@@ -64,7 +64,7 @@ impl CameraDistribution {
     }
 
     fn __hash__(&self) -> u64 {
-        crate::camera::digest(self.0.text().as_bytes())
+        spikelane::presets::key(self.0.text().as_bytes())
     }
 
     fn __repr__(&self) -> String {

@@ -6,17 +6,13 @@ use numpy::{PyArrayDyn, PyArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use spikelane::light::{Insertion, Timeline};
-use spikelane::plan::State;
-use spikelane::simulate::Pool;
+use spikelane::simulate::{Pool, saved};
 use spikelane::{Backend, Seeds, spikes};
 
 use crate::arrays::{Light, buffer, zeros};
 use crate::camera::Camera;
 use crate::error::{Raise as _, raise, usage};
 use crate::watch::Watch;
-
-/// Before a saved state: what it belongs to.
-const MAGIC: &[u8; 8] = b"spkrun01";
 
 /// Packed bytes between two unpackings: they stay in the second-level cache.
 const PIECE: usize = 256 << 10;
@@ -33,7 +29,6 @@ const PIECE: usize = 256 << 10;
 #[pyclass(frozen, module = "spikelane")]
 pub struct Simulator {
     camera: Camera,
-    greatest_light: f64,
     inner: Mutex<Inner>,
 }
 
@@ -77,7 +72,7 @@ impl Simulator {
             process: std::process::id(),
             scratch: Vec::new(),
         };
-        Ok(Self { camera: camera.clone(), greatest_light, inner: Mutex::new(inner) })
+        Ok(Self { camera: camera.clone(), inner: Mutex::new(inner) })
     }
 
     /// Pushes linear light and returns the spikes, bit-packed: uint8 of shape (T, ceil(H * W / 8)).
@@ -205,8 +200,7 @@ impl Simulator {
     /// All that the camera remembers, and what it belongs to, as bytes for `restore`.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let inner = self.lock()?;
-        let mut bytes = self.header(&inner);
-        bytes.extend(inner.simulator.state().to_bytes());
+        let bytes = saved::save(&inner.simulator, self.camera.inner.key);
         Ok(PyBytes::new(py, &bytes))
     }
 
@@ -215,31 +209,7 @@ impl Simulator {
     /// Raises SpikelaneError for bytes of another version, camera, seeds or greatest light; nothing has changed then.
     fn restore(&self, state: &[u8]) -> PyResult<()> {
         let mut inner = self.lock()?;
-        let bad = |found: &str| {
-            usage(
-                "saved state",
-                found,
-                "a state of this camera and these seeds",
-                "make the simulator with the same arguments",
-            )
-        };
-        let header = self.header(&inner);
-        if !state.starts_with(MAGIC) || state.len() < header.len() {
-            let version = state.starts_with(&MAGIC[..6]);
-            return Err(bad(if version { "a state of another version" } else { "other bytes" }));
-        }
-        let (own, rest) = state.split_at(header.len());
-        for (part, found) in [
-            (8..16, "a state of another camera"),
-            (16..40, "a state of other seeds"),
-            (40..48, "a state for another greatest light"),
-        ] {
-            if own[part.clone()] != header[part] {
-                return Err(bad(found));
-            }
-        }
-        let state = State::from_bytes(rest, &inner.simulator.plan().start()).or_raise()?;
-        inner.simulator.resume(state).or_raise()
+        saved::restore(&mut inner.simulator, self.camera.inner.key, state).or_raise()
     }
 
     /// Begins another recording of the same camera, at readout 0: far quicker than a new simulator. `sequence` and
@@ -290,15 +260,6 @@ impl Simulator {
             inner.process = std::process::id();
         }
         Ok(inner)
-    }
-
-    fn header(&self, inner: &Inner) -> Vec<u8> {
-        let seeds = inner.simulator.plan().seeds();
-        let mut bytes = MAGIC.to_vec();
-        let words =
-            [self.camera.inner.key, seeds.camera, seeds.shot, seeds.sequence, self.greatest_light.to_bits()];
-        words.iter().for_each(|word| bytes.extend(word.to_le_bytes()));
-        bytes
     }
 }
 

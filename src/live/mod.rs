@@ -1,0 +1,20 @@
+//! Readouts at the pace of a camera: a virtual one, for consumers that are developed without hardware.
+//!
+//! [`run`] simulates ahead, hands readouts to a [`Sink`] when a camera would have finished them, and says how late
+//! they were. [`Pipe`] writes to a pipe or socket, [`Ring`] to shared memory.
+
+mod clock;
+mod lateness;
+mod pace;
+mod pipe;
+mod ring;
+mod sink;
+#[cfg(test)]
+mod tests;
+
+pub use clock::{Clock, SystemClock};
+pub use lateness::Lateness;
+pub use pace::{Pace, Report, run};
+pub use pipe::Pipe;
+pub use ring::{Ring, RingReader, Slot};
+pub use sink::{Delivery, Policy, Sink, Stop};
