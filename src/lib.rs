@@ -85,5 +85,5 @@ pub use spikes::{Geometry, Packed};
 
 // The examples of the page for authors of simulators run with the tests.
 #[cfg(all(doctest, feature = "files"))]
-#[doc = include_str!("../docs/embedding.md")]
+#[doc = include_str!("../docs/guides/embedding.md")]
 struct Embedding;

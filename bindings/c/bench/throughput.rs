@@ -1,0 +1,153 @@
+//! Throughput through the shared library against the call in Rust, in turn, in one process.
+//!
+//! `cargo run -p spikelane-c --example c-throughput -- target/debug/libspikelane_c.so` prints a table: pixel-readouts a
+//! second of the best of several rounds each, and their ratio.
+
+use std::error::Error;
+use std::ffi::{CString, c_char, c_int, c_void};
+use std::time::Instant;
+
+use spikelane::light::{Insertion, Timeline};
+use spikelane::simulate::FrameRef;
+use spikelane::{Geometry, Seeds, Simulator, presets};
+
+const ROUNDS: usize = 7;
+const READOUTS: usize = 1280;
+
+unsafe extern "C" {
+    fn dlopen(path: *const c_char, flags: c_int) -> *mut c_void;
+    fn dlsym(library: *mut c_void, name: *const c_char) -> *mut c_void;
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct Frame {
+    samples: *const c_void,
+    samples_bytes: usize,
+    stride: usize,
+    sample_type: u32,
+}
+
+type Preset = unsafe extern "C" fn(*const c_char, *mut *mut c_void) -> i32;
+type New = unsafe extern "C" fn(*const c_void, *const c_void, f64, u32, *mut *mut c_void) -> i32;
+type PushFrames =
+    unsafe extern "C" fn(*mut c_void, *const Frame, usize, u64, u32, usize, *mut u8, usize) -> i32;
+
+/// The library's functions and a simulator of `physical` made by them.
+struct Library {
+    push_frames: PushFrames,
+    simulator: *mut c_void,
+}
+
+impl Library {
+    fn open(path: &str) -> Result<Self, Box<dyn Error>> {
+        let path = CString::new(path)?;
+        // SAFETY: a path that ends in NUL; 2 is RTLD_NOW.
+        let library = unsafe { dlopen(path.as_ptr(), 2) };
+        if library.is_null() {
+            return Err(
+                format!("{path:?}: found no library that can be loaded, expected libspikelane_c.so").into()
+            );
+        }
+        let find = |name: &str| -> Result<*mut c_void, Box<dyn Error>> {
+            let name = CString::new(name)?;
+            // SAFETY: an open library and a name that ends in NUL.
+            let symbol = unsafe { dlsym(library, name.as_ptr()) };
+            if symbol.is_null() { Err(format!("no symbol {name:?}").into()) } else { Ok(symbol) }
+        };
+        let (preset, new, push) =
+            (find("spl_camera_preset")?, find("spl_simulator_new")?, find("spl_push_frames")?);
+        // SAFETY: these are the types that the header gives the functions.
+        let (preset, new, push_frames) = unsafe {
+            (
+                std::mem::transmute::<*mut c_void, Preset>(preset),
+                std::mem::transmute::<*mut c_void, New>(new),
+                std::mem::transmute::<*mut c_void, PushFrames>(push),
+            )
+        };
+        let (mut camera, mut simulator) = (std::ptr::null_mut(), std::ptr::null_mut());
+        // SAFETY: a string that ends in NUL, places that can be written, and the handle that the first call made.
+        let status = unsafe {
+            preset(c"physical".as_ptr(), &raw mut camera)
+                + new(camera, std::ptr::null(), 1.0, 1, &raw mut simulator)
+        };
+        if status != 0 {
+            return Err(format!("status {status}").into());
+        }
+        Ok(Self { push_frames, simulator })
+    }
+
+    fn push(&self, frames: &[&[u8]], per_frame: u64, out: &mut [u8]) {
+        let frames: Vec<Frame> = frames
+            .iter()
+            .map(|f| Frame { samples: f.as_ptr().cast(), samples_bytes: f.len(), stride: 0, sample_type: 0 })
+            .collect();
+        let readouts = per_frame as usize * frames.len();
+        // SAFETY: a live handle, frames and a buffer of the sizes that are said.
+        let status = unsafe {
+            (self.push_frames)(
+                self.simulator,
+                frames.as_ptr(),
+                frames.len(),
+                per_frame,
+                0,
+                readouts,
+                out.as_mut_ptr(),
+                out.len(),
+            )
+        };
+        assert_eq!(status, 0, "spl_push_frames");
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let path = std::env::args().nth(1).ok_or("give the path of libspikelane_c.so")?;
+    let library = Library::open(&path)?;
+    let camera = presets::builtin("physical")?;
+    let geometry = camera.sensor.geometry;
+    let mut rust = Simulator::new(&camera, Seeds::default())?;
+    let ramp = |k: usize| (0..geometry.pixels()).map(|p| (p + 37 * k) as u8).collect::<Vec<u8>>();
+    let pictures: Vec<Vec<u8>> = (0..64).map(ramp).collect();
+    println!("{} on {}, one thread, {geometry}", camera.name, rust.backend());
+    println!("readouts a call, of a frame | Rust Gpx/s | C Gpx/s | C / Rust");
+    for (count, per_frame) in [(1, 128), (1, 20), (64, 2), (1, 1)] {
+        let frames: Vec<&[u8]> = pictures[..count].iter().map(Vec::as_slice).collect();
+        let best = compare(&library, &mut rust, &frames, per_frame, geometry)?;
+        let readouts = count as u64 * per_frame;
+        let ratio = best[1] / best[0];
+        println!("{readouts:>4}, {per_frame:>3} | {:.3} | {:.3} | {ratio:.3}", best[0], best[1]);
+    }
+    Ok(())
+}
+
+/// The best rates of Rust and C in Gpx/s, measured in turn; both make the same bits.
+fn compare(
+    library: &Library,
+    rust: &mut Simulator,
+    frames: &[&[u8]],
+    per_frame: u64,
+    geometry: Geometry,
+) -> Result<[f64; 2], Box<dyn Error>> {
+    let readouts = per_frame as usize * frames.len();
+    let calls = (READOUTS / readouts).max(1);
+    let mut out = [0, 1].map(|_| vec![0u8; readouts * geometry.frame_bytes()]);
+    let mut best = [0.0f64; 2];
+    let timeline = Timeline::per_frame(per_frame, Insertion::Hold)?;
+    let borrowed: Vec<FrameRef<'_>> = frames.iter().map(|f| FrameRef::u8(f, geometry)).collect();
+    for _ in 0..ROUNDS {
+        for (way, rate) in best.iter_mut().enumerate() {
+            let start = Instant::now();
+            for _ in 0..calls {
+                if way == 0 {
+                    rust.push_frames(&borrowed, &timeline, &mut out[0])?;
+                } else {
+                    library.push(frames, per_frame, &mut out[1]);
+                }
+            }
+            let work = (calls * readouts * geometry.pixels()) as f64;
+            *rate = rate.max(work / start.elapsed().as_secs_f64() / 1e9);
+        }
+        assert_eq!(out[0], out[1], "C and Rust differ");
+    }
+    Ok(best)
+}

@@ -1,0 +1,114 @@
+#!/usr/bin/env bash
+# The C library: built as cargo's tests are, installed, and used as strangers would: C, C++, CMake, pkg-config, README;
+# under valgrind and AddressSanitizer. What a missing tool cannot check is said.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+here=bindings/c
+
+say() { echo "bindings/c: $*"; }
+cc=${CC:-cc}
+command -v "$cc" >/dev/null || { say "skipped: no C compiler ($cc)"; exit 0; }
+
+# With a bench beside it, and so with what tests need, the library shares every crate with `cargo test --workspace`.
+PYO3_BUILD_EXTENSION_MODULE=1 cargo build -q --workspace --lib --bin spikelane --bench plan
+out=target/c
+rm -rf "$out"
+mkdir -p "$out"
+$here/install.sh "$out/prefix" target/debug >/dev/null
+prefix=$PWD/$out/prefix
+export LD_LIBRARY_PATH=$prefix/lib PKG_CONFIG_PATH=$prefix/lib/pkgconfig
+table=tests/golden.json
+strict="-std=c11 -O2 -Wall -Wextra -Werror -Wpedantic -D_DEFAULT_SOURCE"
+strictpp="-std=c++17 -O2 -Wall -Wextra -Werror -Wpedantic"
+use="-I$prefix/include -L$prefix/lib -lspikelane -lm -lpthread"
+
+if command -v nm >/dev/null && [ "$(uname)" = Linux ]; then
+    nm -D --defined-only "$prefix/lib/libspikelane.so" | awk '{print $3}' | LC_ALL=C sort >"$out/symbols.txt"
+    diff "$here/symbols.txt" "$out/symbols.txt" ||
+        { say "the library exports other symbols (>) than symbols.txt (<)"; exit 1; }
+else
+    say "exported symbols not checked: no nm, or not Linux"
+fi
+
+for program in tests/golden tests/misuse examples/push examples/render_loop examples/virtual_camera examples/ring_reader; do
+    $cc $strict "$here/$program.c" $use -o "$out/$(basename $program)"
+done
+"$out/golden" $table
+"$out/misuse" "$out"
+"$out/push"
+"$out/render_loop" 100
+"$out/virtual_camera" 0.3 2000 | wc -c
+
+cxx=${CXX:-c++}
+if command -v "$cxx" >/dev/null; then
+    $cxx $strictpp "$here/tests/golden.cpp" $use -o "$out/goldenpp"
+    "$out/goldenpp" $table
+    if pkg-config --exists opencv4 2>/dev/null; then
+        # OpenCV's own headers are not of this house.
+        $cxx $strictpp $(pkg-config --cflags opencv4 | sed 's/-I/-isystem /g') "$here/examples/opencv_to_dat.cpp" $use \
+            $(pkg-config --libs opencv4) -o "$out/opencv_to_dat"
+        say "opencv_to_dat compiles"
+    else
+        say "examples/opencv_to_dat.cpp skipped: pkg-config finds no opencv4 (libopencv-dev)"
+    fi
+else
+    say "C++ skipped: no compiler ($cxx)"
+fi
+
+# The program of the README, with the line that it gives.
+awk '/^```c$/ {on = 1; next} /^```$/ {on = 0} on' $here/README.md >"$out/spikes.c"
+diff "$out/spikes.c" $here/examples/push.c || { say "README.md has another program than examples/push.c"; exit 1; }
+if command -v pkg-config >/dev/null; then
+    line=$(grep '^cc ' $here/README.md)
+    (cd "$out" && eval "$line -Wall -Wextra -Werror" && ./spikes)
+else
+    say "pkg-config is not here: its file is not checked"
+fi
+
+# A consumer that knows nothing but the layout of the ring.
+if [ -d /dev/shm ]; then
+    ring=spikelane-ci-$$
+    "$out/ring_reader" "/dev/shm/$ring" &
+    reader=$!
+    target/debug/spikelane live --source chart --width 80 --height 60 --readouts 4000 --sink "shm:$ring" --block --threads 1
+    wait $reader
+else
+    say "the ring is not checked: no /dev/shm"
+fi
+
+if command -v valgrind >/dev/null; then
+    grind="valgrind -q --error-exitcode=9 --leak-check=full --errors-for-leak-kinds=definite"
+    $grind "$out/golden" $table portable
+    $grind "$out/golden" $table avx2
+    $grind "$out/misuse" "$out"
+    $grind "$out/push" >/dev/null
+    $grind "$out/render_loop" 20
+    $grind "$out/virtual_camera" 0.05 2000 | wc -c
+    [ ! -x "$out/goldenpp" ] || $grind "$out/goldenpp" $table
+else
+    say "valgrind skipped: it is not installed"
+fi
+
+asan="-g -fsanitize=address,undefined -fno-sanitize-recover=undefined"
+if echo 'int main(void) { return 0; }' | $cc $asan -x c - -o "$out/asan" 2>/dev/null; then
+    for program in golden misuse; do
+        $cc $strict $asan "$here/tests/$program.c" $use -o "$out/$program-asan"
+    done
+    "$out/golden-asan" $table portable
+    "$out/misuse-asan" "$out"
+else
+    say "AddressSanitizer skipped: $cc has none"
+fi
+
+cmake=$(command -v cmake || true)
+if [ -z "$cmake" ] && [ -x target/python/bin/pip ] && target/python/bin/pip install -q cmake 2>/dev/null; then
+    cmake=target/python/bin/cmake
+fi
+if [ -n "$cmake" ]; then
+    "$cmake" -S $here/tests/cmake -B "$out/cmake" -DCMAKE_PREFIX_PATH="$prefix" -DEXAMPLES="$PWD/$here/examples" >/dev/null
+    "$cmake" --build "$out/cmake" >/dev/null
+    "$out/cmake/push"
+    "$out/cmake/push_static"
+else
+    say "the CMake package is not checked: no cmake"
+fi

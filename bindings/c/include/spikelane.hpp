@@ -1,0 +1,202 @@
+// spikelane for C++17: spikelane.h with owners, views and exceptions. What functions do is said there.
+#ifndef SPIKELANE_HPP
+#define SPIKELANE_HPP
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "spikelane.h"
+
+namespace spikelane {
+
+// A failed call: what() is all of it.
+class Error : public std::runtime_error {
+public:
+    Error()
+        : std::runtime_error(spl_last_error(SPL_MESSAGE)), status(spl_last_status()),
+          subject(spl_last_error(SPL_SUBJECT)), found(spl_last_error(SPL_FOUND)),
+          expected(spl_last_error(SPL_EXPECTED)), remedy(spl_last_error(SPL_REMEDY)) {}
+    spl_status status;
+    std::string subject, found, expected, remedy;
+};
+
+inline void check(spl_status status) {
+    if (status != SPL_OK) throw Error();
+}
+
+// Values that somebody else owns, as std::span of C++20.
+template <class T> class View {
+public:
+    View() = default;
+    View(T *data, std::size_t size) : data_(data), size_(size) {}
+    template <class Container, class = decltype(std::declval<Container &>().data())>
+    View(Container &values) : data_(values.data()), size_(values.size()) {}
+    T *data() const { return data_; }
+    std::size_t size() const { return size_; }
+    T *begin() const { return data_; }
+    T *end() const { return data_ + size_; }
+    T &operator[](std::size_t at) const { return data_[at]; }
+
+private:
+    T *data_ = nullptr;
+    std::size_t size_ = 0;
+};
+
+// A frame of linear light; `stride` samples from row to row, 0 for rows without a gap.
+template <class T> spl_frame frame(View<T> samples, std::size_t stride = 0) {
+    using Sample = std::remove_const_t<T>;
+    static_assert(std::is_same_v<Sample, std::uint8_t> || std::is_same_v<Sample, std::uint16_t> ||
+                      std::is_same_v<Sample, float>,
+                  "light is uint8_t, uint16_t or float");
+    const std::uint32_t type =
+        std::is_same_v<Sample, std::uint8_t> ? SPL_U8 : std::is_same_v<Sample, std::uint16_t> ? SPL_U16 : SPL_F32;
+    return spl_frame{samples.data(), samples.size() * sizeof(T), stride, type};
+}
+
+template <class T> spl_frame frame(const std::vector<T> &samples, std::size_t stride = 0) {
+    return frame(View<const T>(samples), stride);
+}
+
+template <class Handle, spl_status (*Free)(Handle *)> struct Deleter {
+    void operator()(Handle *handle) const { Free(handle); }
+};
+
+class Camera {
+public:
+    static Camera preset(const std::string &name) {
+        return make([&](spl_camera **to) { return spl_camera_preset(name.c_str(), to); });
+    }
+    static Camera load(const std::string &path) {
+        return make([&](spl_camera **to) { return spl_camera_load(path.c_str(), to); });
+    }
+    static Camera parse(const std::string &toml, const char *folder = nullptr) {
+        return make([&](spl_camera **to) { return spl_camera_parse(toml.c_str(), folder, to); });
+    }
+    static Camera ideal(std::uint32_t width, std::uint32_t height, double readout_hz = 20000.0) {
+        return make([&](spl_camera **to) { return spl_camera_ideal(width, height, readout_hz, to); });
+    }
+    Camera window(std::uint32_t col, std::uint32_t row, std::uint32_t width, std::uint32_t height) const {
+        return make([&](spl_camera **to) { return spl_camera_window(get(), col, row, width, height, to); });
+    }
+    Camera clean_twin() const {
+        return make([&](spl_camera **to) { return spl_camera_clean_twin(get(), to); });
+    }
+    Camera copy() const {
+        return make([&](spl_camera **to) { return spl_camera_copy(get(), to); });
+    }
+    Camera &resize(std::uint32_t width, std::uint32_t height) {
+        return check(spl_camera_resize(get(), width, height)), *this;
+    }
+    Camera &set_effect(const std::string &effect, const std::string &key, const std::string &value) {
+        return check(spl_camera_set_effect(get(), effect.c_str(), key.c_str(), value.c_str())), *this;
+    }
+    Camera &set_effect(const std::string &effect, const std::string &key, double value) {
+        return check(spl_camera_set_effect_number(get(), effect.c_str(), key.c_str(), value)), *this;
+    }
+    Camera &without(const std::string &effect) {
+        return check(spl_camera_without(get(), effect.c_str())), *this;
+    }
+    Camera &set_sensor(const std::string &key, double value) {
+        return check(spl_camera_set_sensor(get(), key.c_str(), value)), *this;
+    }
+    Camera &set_map(const std::string &map, View<const double> values) {
+        return check(spl_camera_set_map(get(), map.c_str(), values.data(), values.size())), *this;
+    }
+    std::uint32_t width() const { return size().first; }
+    std::uint32_t height() const { return size().second; }
+    double readout_hz() const {
+        double hz = 0;
+        check(spl_camera_size(get(), nullptr, nullptr, &hz));
+        return hz;
+    }
+    spl_camera *get() const { return handle_.get(); }
+
+private:
+    template <class Make> static Camera make(Make &&into) {
+        spl_camera *handle = nullptr;
+        check(into(&handle));
+        Camera camera;
+        camera.handle_.reset(handle);
+        return camera;
+    }
+    std::pair<std::uint32_t, std::uint32_t> size() const {
+        std::pair<std::uint32_t, std::uint32_t> size;
+        check(spl_camera_size(get(), &size.first, &size.second, nullptr));
+        return size;
+    }
+    std::unique_ptr<spl_camera, Deleter<spl_camera, spl_camera_free>> handle_;
+};
+
+class Simulator {
+public:
+    explicit Simulator(const Camera &camera, spl_seeds seeds = {}, double greatest_light = 1.0, std::uint32_t threads = 1) {
+        spl_simulator *handle = nullptr;
+        check(spl_simulator_new(camera.get(), &seeds, greatest_light, threads, &handle));
+        handle_.reset(handle);
+        check(spl_simulator_frame_bytes(handle, &frame_bytes_));
+    }
+    void backend(const std::string &name) { check(spl_simulator_set_backend(get(), name.c_str())); }
+    std::string backend() const {
+        const char *name = nullptr;
+        check(spl_simulator_backend(get(), &name));
+        return name;
+    }
+    std::size_t frame_bytes() const { return frame_bytes_; }
+    std::uint64_t readout() const {
+        std::uint64_t readout = 0;
+        check(spl_simulator_readout(get(), &readout));
+        return readout;
+    }
+    void restart(spl_seeds seeds) { check(spl_simulator_restart(get(), &seeds)); }
+    // As many readouts as `out` has packed ones.
+    void push(const spl_frame &light, View<std::uint8_t> out) {
+        check(spl_push(get(), &light, out.size() / frame_bytes_, out.data(), out.size()));
+    }
+    void push_between(const spl_frame &from, const spl_frame &to, View<std::uint8_t> out) {
+        check(spl_push_between(get(), &from, &to, out.size() / frame_bytes_, out.data(), out.size()));
+    }
+    void push_frames(View<const spl_frame> frames, std::uint64_t readouts_per_frame, std::uint32_t insertion,
+                     View<std::uint8_t> out) {
+        check(spl_push_frames(get(), frames.data(), frames.size(), readouts_per_frame, insertion,
+                              out.size() / frame_bytes_, out.data(), out.size()));
+    }
+    std::vector<std::uint8_t> state() const {
+        std::size_t bytes = 0;
+        check(spl_state_bytes(get(), &bytes));
+        std::vector<std::uint8_t> state(bytes);
+        check(spl_state_save(get(), state.data(), state.size()));
+        return state;
+    }
+    void restore(View<const std::uint8_t> state) { check(spl_state_restore(get(), state.data(), state.size())); }
+    spl_simulator *get() const { return handle_.get(); }
+
+private:
+    std::unique_ptr<spl_simulator, Deleter<spl_simulator, spl_simulator_free>> handle_;
+    std::size_t frame_bytes_ = 0;
+};
+
+// A file that appears under its name at finish(); a writer that ends before that leaves none.
+class Writer {
+public:
+    Writer(const std::string &path, std::uint32_t width, std::uint32_t height, const char *layout = nullptr,
+           bool force = false) {
+        spl_writer *handle = nullptr;
+        check(spl_writer_create(path.c_str(), width, height, layout, force, &handle));
+        handle_.reset(handle);
+    }
+    void write(View<const std::uint8_t> packed) { check(spl_writer_write(handle_.get(), packed.data(), packed.size())); }
+    void finish() { check(spl_writer_finish(handle_.get())); }
+
+private:
+    std::unique_ptr<spl_writer, Deleter<spl_writer, spl_writer_free>> handle_;
+};
+
+} // namespace spikelane
+
+#endif
