@@ -65,13 +65,36 @@ else
     say "pkg-config is not here: its file is not checked"
 fi
 
-# A consumer that knows nothing but the layout of the ring.
+# A virtual camera gives the bytes of the file that simulate writes, whoever reads; Ctrl-C ends it well.
+spikelane=$PWD/target/debug/spikelane
+light=(--source chart --width 80 --height 60 --threads 1)
+"$spikelane" simulate "${light[@]}" --readouts 4000 -o "$out/chart.dat" --force 2>/dev/null >/dev/null
+"$spikelane" live "${light[@]}" --readouts 4000 --sink pipe --block | cmp - "$out/chart.dat"
+mkfifo "$out/fifo"
+cmp "$out/fifo" "$out/chart.dat" &
+reader=$!
+"$spikelane" live "${light[@]}" --readouts 4000 --sink "pipe:$out/fifo" --block
+wait $reader
+"$spikelane" live "${light[@]}" --readouts 4000 --sink tcp:127.0.0.1:0 --block 2>"$out/tcp" &
+camera=$!
+for _ in $(seq 100); do grep -q 'waiting for a consumer' "$out/tcp" && break || sleep 0.1; done
+port=$(sed -n 's/^waiting for a consumer at tcp:127.0.0.1://p' "$out/tcp")
+cmp - "$out/chart.dat" <"/dev/tcp/127.0.0.1/$port"
+wait $camera
+timeout --preserve-status -s INT 1 "$spikelane" live "${light[@]}" --sink pipe | head -c 1000000 >/dev/null ||
+    { say "live: a consumer that left, or Ctrl-C, is no good end"; exit 1; }
+timeout --preserve-status -s INT 1 "$spikelane" live "${light[@]}" --sink pipe >/dev/null ||
+    { say "live: Ctrl-C is no good end"; exit 1; }
 if [ -d /dev/shm ]; then
+    # A consumer that knows nothing but the layout of the ring.
     ring=spikelane-ci-$$
-    "$out/ring_reader" "/dev/shm/$ring" &
+    "$out/ring_reader" "/dev/shm/$ring" >"$out/ring" &
     reader=$!
-    target/debug/spikelane live --source chart --width 80 --height 60 --readouts 4000 --sink "shm:$ring" --block --threads 1
+    "$spikelane" live "${light[@]}" --readouts 4000 --sink "shm:$ring" --block
     wait $reader
+    cat "$out/ring"
+    spikes=$(sed -n 's/^ *"spikes": \([0-9]*\).*/\1/p' "$out/chart.json" | head -1)
+    grep -q "^4000 readouts, 0 lost, $spikes spikes" "$out/ring" || { say "the ring is not the file: $spikes spikes"; exit 1; }
 else
     say "the ring is not checked: no /dev/shm"
 fi

@@ -10,9 +10,12 @@ use crate::live::lateness::Lateness;
 use crate::live::sink::{Delivery, Sink, Stop};
 use crate::simulate::Readouts;
 
-/// Readouts simulated between two looks at the clock: long enough for the kernels to be near their best, short enough
-/// (1.6 ms of a 20 kHz camera, in half of that time) that nobody waits long.
-const STEP: usize = 32;
+/// Readouts simulated between two looks at the clock. The longer, the nearer the kernels are to their best (a batch is
+/// 128), and the longer a delivery may have to wait: here 2.4 ms of a 20 kHz camera, in about half of that time.
+const STEP: usize = 48;
+
+/// The same where less than a quarter of what should be ahead is: the speed of a whole batch counts more then.
+const CATCHING_UP: usize = 128;
 
 /// A wait is cut into pieces of this length, between which a request to stop is heard.
 const PIECE: Duration = Duration::from_millis(50);
@@ -161,7 +164,9 @@ impl Ahead<'_, '_> {
 
     /// Simulates the next bursts.
     fn step(&mut self, stop: &Stop) -> Result<()> {
-        let bursts = (STEP / self.pace.burst).max(1);
+        let low = 4 * self.waiting.len() * self.pace.burst < self.pace.ahead;
+        let readouts = if low { CATCHING_UP } else { STEP };
+        let bursts = (readouts / self.pace.burst).max(1);
         let (mut packed, mut kept) = (Vec::new(), Vec::new());
         let passed = match self.source.fill(bursts * self.pace.burst, &mut packed, &mut kept) {
             Ok(passed) => passed,

@@ -9,27 +9,27 @@
 
 namespace {
 
-// Codes of a video as linear light: the sRGB curve undone, with 16 bits so that dark codes stay apart.
-std::vector<std::uint16_t> linear() {
-    std::vector<std::uint16_t> table(256);
+// Codes of a video as linear light: the sRGB curve undone.
+cv::Mat linear() {
+    cv::Mat table(1, 256, CV_32F);
     for (int code = 0; code < 256; code++) {
-        const double c = code / 255.0;
-        const double light = c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4);
-        table[std::size_t(code)] = std::uint16_t(std::lround(65535 * light));
+        const float c = float(code) / 255;
+        table.at<float>(code) = c <= 0.04045f ? c / 12.92f : std::pow((c + 0.055f) / 1.055f, 2.4f);
     }
     return table;
 }
 
-// The next picture in grey and of the camera's size; false at the end.
-bool read(cv::VideoCapture &video, const spikelane::Camera &camera, std::vector<std::uint16_t> &light) {
-    static const auto table = linear();
-    cv::Mat picture, small, grey;
+// The luminance of the next picture in the camera's size; false at the end. Colours are weighed and pixels averaged as
+// light, not as codes: a grey of codes is far too dark where colours are strong.
+bool read(cv::VideoCapture &video, const spikelane::Camera &camera, std::vector<float> &light) {
+    static const cv::Mat table = linear();
+    static const cv::Matx13f weights(0.0722f, 0.7152f, 0.2126f); // blue, green, red
+    cv::Mat picture, colours, grey, small;
     if (!video.read(picture)) return false;
-    cv::resize(picture, small, cv::Size(int(camera.width()), int(camera.height())), 0, 0, cv::INTER_AREA);
-    cv::cvtColor(small, grey, cv::COLOR_BGR2GRAY);
-    light.clear();
-    for (int row = 0; row < grey.rows; row++)
-        for (int col = 0; col < grey.cols; col++) light.push_back(table[grey.at<std::uint8_t>(row, col)]);
+    cv::LUT(picture, table, colours);
+    cv::transform(colours, grey, weights);
+    cv::resize(grey, small, cv::Size(int(camera.width()), int(camera.height())), 0, 0, cv::INTER_AREA);
+    light.assign(small.begin<float>(), small.end<float>());
     return true;
 }
 
@@ -43,7 +43,7 @@ int main(int argc, char **argv) try {
     spikelane::Simulator simulator(camera);
     spikelane::Writer writer(argv[2], camera.width(), camera.height());
     std::vector<std::uint8_t> packed(readouts * simulator.frame_bytes());
-    std::vector<std::uint16_t> from, to;
+    std::vector<float> from, to;
     if (!read(video, camera, from)) return std::cerr << argv[1] << ": no picture that OpenCV can read\n", 4;
     while (read(video, camera, to)) {
         simulator.push_between(spikelane::frame(from), spikelane::frame(to), packed);

@@ -69,6 +69,10 @@ template <class Handle, spl_status (*Free)(Handle *)> struct Deleter {
 
 class Camera {
 public:
+    Camera(Camera &&) = default;
+    Camera &operator=(Camera &&) = default;
+    Camera(const Camera &other) : Camera(make([&](spl_camera **to) { return spl_camera_copy(other.get(), to); })) {}
+    Camera &operator=(const Camera &other) { return *this = Camera(other); }
     static Camera preset(const std::string &name) {
         return make([&](spl_camera **to) { return spl_camera_preset(name.c_str(), to); });
     }
@@ -86,9 +90,6 @@ public:
     }
     Camera clean_twin() const {
         return make([&](spl_camera **to) { return spl_camera_clean_twin(get(), to); });
-    }
-    Camera copy() const {
-        return make([&](spl_camera **to) { return spl_camera_copy(get(), to); });
     }
     Camera &resize(std::uint32_t width, std::uint32_t height) {
         return check(spl_camera_resize(get(), width, height)), *this;
@@ -118,12 +119,11 @@ public:
     spl_camera *get() const { return handle_.get(); }
 
 private:
+    explicit Camera(spl_camera *handle) : handle_(handle) {}
     template <class Make> static Camera make(Make &&into) {
         spl_camera *handle = nullptr;
         check(into(&handle));
-        Camera camera;
-        camera.handle_.reset(handle);
-        return camera;
+        return Camera(handle);
     }
     std::pair<std::uint32_t, std::uint32_t> size() const {
         std::pair<std::uint32_t, std::uint32_t> size;

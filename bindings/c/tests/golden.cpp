@@ -64,6 +64,9 @@ void moves() {
     Camera camera = Camera::ideal(40, 30).set_effect("prnu", "sigma", 0.02).set_effect("dark_current", "mean", "0.5 pA");
     Camera moved = std::move(camera);
     expect(moved.width() == 40 && moved.height() == 30 && moved.readout_hz() == 20000.0, "a camera that was moved");
+    Camera other = moved;
+    other.resize(3, 4);
+    expect(other.width() == 3 && moved.width() == 40, "a copy that was changed");
     expect(moved.window(1, 2, 8, 4).width() == 8 && moved.clean_twin().height() == 30, "a part of it");
     Simulator one(moved);
     Simulator two = std::move(one);

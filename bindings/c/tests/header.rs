@@ -11,7 +11,7 @@ fn root() -> PathBuf {
 fn generated() -> String {
     let config = cbindgen::Config::from_file(root().join("cbindgen.toml")).unwrap();
     let builder = cbindgen::Builder::new().with_config(config);
-    let builder = builder.with_src(root().join("src/types.rs")).with_src(root().join("src/lib.rs"));
+    let builder = builder.with_src(root().join("src/lib.rs"));
     let mut bytes = Vec::new();
     builder.generate().unwrap().write(&mut bytes);
     String::from_utf8(bytes).unwrap()
