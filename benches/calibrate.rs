@@ -1,4 +1,4 @@
-//! The table of docs/calibration.md: errors of `a` and `d` of the default estimator and of the paper's, on a
+//! The table of docs/why/calibration.md: errors of `a` and `d` of the default estimator and of the paper's, on a
 //! camera of known truth, and the seconds each takes.
 //!
 //! `cargo bench --bench calibrate -- WIDTH HEIGHT READOUTS...` prints a table for one size;
@@ -113,7 +113,7 @@ fn main() {
 }
 
 fn write_into_page(table: &str) {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/calibration.md");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/why/calibration.md");
     let page = std::fs::read_to_string(path).expect("the page");
     let (before, rest) = page.split_once(BEGIN).expect("the mark of the table's begin");
     let (_, after) = rest.split_once(END).expect("the mark of the table's end");

@@ -1,5 +1,5 @@
 //! What each effect costs beside full noise, with stored charge bounded and without, and a dead time, as the published code has it:
-//! packed frames in memory, one thread, held light, on the fastest backend. Prints the table of `docs/performance.md`.
+//! packed frames in memory, one thread, held light, on the fastest backend. Prints the table of `docs/why/performance.md`.
 
 use std::time::Instant;
 

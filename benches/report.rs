@@ -1,4 +1,4 @@
-//! `cargo bench --bench report -- --markdown docs/performance.md`: the measurement of
+//! `cargo bench --bench report -- --markdown docs/why/performance.md`: the measurement of
 //! `spikelane bench`, for those who have not built the program.
 
 use std::ffi::OsString;

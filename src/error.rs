@@ -7,7 +7,7 @@ mod nearest;
 
 use std::fmt;
 
-/// What sort of mistake it is; see `docs/errors.md` for the exit codes.
+/// What sort of mistake it is; see `docs/reference/errors.md` for the exit codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Kind {

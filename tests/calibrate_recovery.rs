@@ -139,7 +139,7 @@ fn the_draws_at_which_a_pixel_fires_are_those_of_the_integrals() {
 }
 
 #[test]
-#[ignore = "400x250 pixels take minutes; the figures of docs/calibration.md"]
+#[ignore = "400x250 pixels take minutes; the figures of docs/why/calibration.md"]
 fn a_whole_sensor_is_recovered_near_the_bound() {
     check(400, 250, 10_000, 9);
 }

@@ -1,4 +1,4 @@
-//! The tables of `docs/effects.md` are those of the effects' definitions.
+//! The tables of `docs/reference/effects.md` are those of the effects' definitions.
 
 use std::fmt::Write as _;
 
@@ -25,7 +25,7 @@ fn table() -> String {
 }
 
 fn page() -> (std::path::PathBuf, String) {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/effects.md");
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/reference/effects.md");
     let text = std::fs::read_to_string(&path).unwrap();
     (path, text)
 }
@@ -39,7 +39,7 @@ fn the_page_of_effects_is_current() {
 }
 
 #[test]
-#[ignore = "writes docs/effects.md"]
+#[ignore = "writes docs/reference/effects.md"]
 fn write_the_page_of_effects() {
     let (path, text) = page();
     let (head, rest) = text.split_once(BEGIN).unwrap();

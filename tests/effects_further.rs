@@ -57,7 +57,7 @@ fn differing_bits(camera: &Camera, law: &Camera, frames: &[Vec<f32>], readouts: 
 }
 
 /// 13 x 11 pixels, three frames of 400 readouts: about 70,000 spikes. Fixed point moves a charge by 2e-7 of
-/// a threshold in that time (`docs/fixed-point.md`), so about one spike in 10^6 may come a readout
+/// a threshold in that time (`docs/why/fixed-point.md`), so about one spike in 10^6 may come a readout
 /// late, which is two bits. With adaptation it then moves the threshold for a while, and the phase by 1e-3 for good, so
 /// that one more in 300 of that pixel's spikes follows; with droop it moves the phase of all that fire next by
 /// 2e-4, so that hundreds may follow. Twenty bits are allowed, and 400 with droop; an effect a thousandth too strong moves

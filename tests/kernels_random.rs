@@ -1,5 +1,5 @@
 //! Whether the words that the kernels draw are correlated in the directions in
-//! which the kernels use them. Dieharder's results are in `docs/random.md`.
+//! which the kernels use them. Dieharder's results are in `docs/why/random.md`.
 //!
 //! Every comparison is the mean of `n` products of two values of mean 0 and
 //! variance 1, which has standard deviation `1 / sqrt(n)` when they are

@@ -1,6 +1,6 @@
 """Speed of the Python package beside the program and the field's own functions, as a table.
 
-    python bindings/python/bench.py [--spikezoo FOLDER] [--spikecv FOLDER] [--markdown docs/performance.md]
+    python bindings/python/bench.py [--spikezoo FOLDER] [--spikecv FOLDER] [--markdown docs/why/performance.md]
 
 FOLDER of Spike-Zoo is its unpacked package (default: the installed one), that of SpikeCV a checkout. `--markdown` replaces
 the table between the markers in that file. SPIKELANE names the program (default: the one of this package).

@@ -7,7 +7,7 @@
 //! [`snee`] is the estimator of the SCSim paper, for comparison.
 //! [`Protocol`] plans recordings and writes synthetic ones.
 //!
-//! `docs/calibration.md` has the method and what it reaches.
+//! `docs/why/calibration.md` has the method and what it reaches.
 
 mod below;
 mod check;

@@ -24,7 +24,7 @@ pub fn run(out: &Out) -> Result<()> {
         "Drawing a driving scene and simulating it with the camera 'physical' (400x250, 20 kHz), noisy and clean."
     ));
     simulate(&args, out)?;
-    out.say("Next: 'spikelane --help', or docs/first-steps.md");
+    out.say("Next: 'spikelane --help', or docs/guides/first-video.md");
     Ok(())
 }
 

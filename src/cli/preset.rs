@@ -53,10 +53,10 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     }
 }
 
-/// Which of them; `docs/presets.md` says why.
+/// Which of them; `docs/reference/presets.md` says why.
 const TAKE: &str = "\
 To stand in for a real camera take physical, or vidar-measured for one with the maps of the 400x250 camera.
-The others reproduce a published model or a program, for comparison with its results (docs/presets.md).
+The others reproduce a published model or a program, for comparison with its results (docs/reference/presets.md).
 
 ";
 

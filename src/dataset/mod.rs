@@ -3,7 +3,7 @@
 //! A dataset is a folder. `manifest.jsonl` holds its options and one line per sequence;
 //! `sequences/ID` holds a sequence with `record.json`, which lists every file with its digest.
 //! A sequence is made in a hidden folder that is renamed when all its files are on the disk, and
-//! counts as done only while every digest holds. `docs/datasets.md` describes the folder for users.
+//! counts as done only while every digest holds. `docs/reference/datasets.md` describes the folder for users.
 
 mod card;
 mod drive;

@@ -4,7 +4,7 @@
 //! one for high nibbles; the two bytes' sums are weighted and added. That is
 //! two byte shuffles, one byte addition and one multiply-add in any vector
 //! instruction set. The tables and weights were found by annealing against
-//! the true distribution. What the 65,536 values reach (`docs/random.md`,
+//! the true distribution. What the 65,536 values reach (`docs/why/random.md`,
 //! and the tests below): distance to the normal distribution (Kolmogorov and
 //! Smirnov) 3.2e-4; P(|z| > 3.5) 1.6 % below the true one; largest value
 //! 4.267; kurtosis 3.0013. Tables of equal quantiles reach 2e-3 and 3.7.

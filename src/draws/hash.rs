@@ -8,7 +8,7 @@
 //! would make any two readouts whose offsets collide (one in 2^32 pairs, so
 //! expected within 100,000 readouts) copies of each other.
 //!
-//! `docs/random.md` has the evidence: dieharder, and correlations along
+//! `docs/why/random.md` has the evidence: dieharder, and correlations along
 //! pixels, along readouts and between streams.
 
 use crate::draws::{Seeds, Stream};

@@ -1,6 +1,6 @@
 //! Stream formats: how packed frames lie in files.
 //!
-//! One file per format ([`Layout`] lists them, `docs/formats.md` states each by rule);
+//! One file per format ([`Layout`] lists them, `docs/reference/formats.md` states each by rule);
 //! [`Reader`] opens any of them, [`StreamWriter`] writes any, [`convert`] goes between.
 
 mod codec;

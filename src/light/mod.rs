@@ -2,7 +2,7 @@
 //! grey light at the camera's size.
 //!
 //! [`Frame`], [`Transfer`], [`Timeline`] and the built-in [`Chart`] need nothing
-//! but `libm`; reading files needs the `files` feature. `docs/inputs.md` tells
+//! but `libm`; reading files needs the `files` feature. `docs/reference/inputs.md` tells
 //! users what is accepted and how it is read.
 
 mod between;

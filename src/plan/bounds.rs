@@ -1,4 +1,4 @@
-//! What fixed point may add to the law, derived in `docs/fixed-point.md`.
+//! What fixed point may add to the law, derived in `docs/why/fixed-point.md`.
 
 use crate::plan::scale::Scale;
 use crate::plan::tables::RAISED;

@@ -6,7 +6,7 @@
 //! sixteen of fraction, so increments add up without loss. The threshold is
 //! rounded to a whole number of steps, and gain, dark current, quanta and
 //! noise are expressed in units of *that* rounded threshold, so that its
-//! rounding costs no rate. `docs/fixed-point.md` has the proof of headroom
+//! rounding costs no rate. `docs/why/fixed-point.md` has the proof of headroom
 //! and of the bounds in [`Bounds`].
 
 mod bounds;

@@ -131,7 +131,7 @@ impl Extremes {
     }
 }
 
-/// Chooses the scale; `docs/fixed-point.md`, "Headroom", derives each line.
+/// Chooses the scale; `docs/why/fixed-point.md`, "Headroom", derives each line.
 pub(super) fn choose(model: &Model, laws: &[Law], light: f64) -> Result<Scale> {
     let mut e = Extremes::of(laws, light);
     let storage = storage(model, &mut e);

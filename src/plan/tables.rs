@@ -9,7 +9,7 @@ use crate::plan::scale::{Scale, Storage, WHOLE_STEPS, multiplier_per_step};
 use crate::plan::steps::{FRACTION, FULL_SCALE, Rounded, pad, probability};
 
 /// By how much increments that are rounded up are raised: the half ulps of the light as it was stored, its product with 255, the
-/// gain, their product and its sum with the dark current, and a little for the squares of these. `docs/fixed-point.md`, "Ties of the charge".
+/// gain, their product and its sum with the dark current, and a little for the squares of these. `docs/why/fixed-point.md`, "Ties of the charge".
 pub(super) const RAISED: f64 = 5.0 / 16_777_216.0 + 1e-12;
 
 /// Per-pixel constants in row-major order, padded with pixels that never fire.

@@ -14,7 +14,7 @@
 //! ```
 //!
 //! Distances are metres, times seconds, light is photometric (cd/m2). How it
-//! is done, and what it leaves out, is in `docs/scenes.md`.
+//! is done, and what it leaves out, is in `docs/reference/scenes.md`.
 
 mod boxes;
 mod bvh;

@@ -10,7 +10,7 @@ const TILE: usize = 4096;
 const TOGETHER: usize = 1 << 18;
 
 /// Threads up to which pixels that act on each other run as one tile, on one of them: tiles run a readout at a time, and three
-/// threads on two cores were slower with them (`docs/performance.md`).
+/// threads on two cores were slower with them (`docs/why/performance.md`).
 const TOGETHER_THREADS: usize = 2;
 
 const _: () = assert!(TILE.is_multiple_of(LANES));

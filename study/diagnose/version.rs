@@ -2,7 +2,7 @@
 //!
 //! Raise a number in the commit that changes what is said of a sensor by the code it stands for, and only then: a move, a name or
 //! a comment changes nothing. `tests/diagnose_study.rs` judges recorded sensors again and wants every digit back; where it
-//! fails, the change was a judgement. `docs/diagnosis.md` says what each number stands for.
+//! fails, the change was a judgement. `docs/why/diagnosis.md` says what each number stands for.
 //!
 //! A sensor in which nothing was found never came to the code that chooses names, and one in which a single name was added
 //! never to the code that looks at several again: `search` asks for a tournament only where something is left, and weeds only

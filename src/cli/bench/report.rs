@@ -168,7 +168,7 @@ impl Report {
         let old = std::fs::read_to_string(path).unwrap_or_default();
         let kept = old.split_once(MARKER).map_or("\n", |(_, kept)| kept);
         let page = format!(
-            "# Performance\n\nWritten by `spikelane bench --markdown docs/performance.md`.\n\n{}\n{MARKER}{kept}",
+            "# Performance\n\nWritten by `spikelane bench --markdown docs/why/performance.md`.\n\n{}\n{MARKER}{kept}",
             self.text()
         );
         std::fs::write(path, page).map_err(|e| Error::io(path.display(), e))

@@ -2,7 +2,7 @@
 //!
 //! SpikeCV, Spike-Zoo and the PKU recordings put the bottom row first; SCSim and SPCS
 //! the top row, which makes a frame the same bytes as in memory. A frame is padded to
-//! whole bytes with zero bits at its end, as SCSim's writer does; see `docs/formats.md`.
+//! whole bytes with zero bits at its end, as SCSim's writer does; see `docs/reference/formats.md`.
 
 use super::bits::{clear_padding, copy_bits};
 use crate::spikes::Geometry;

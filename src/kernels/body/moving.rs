@@ -10,7 +10,7 @@
 //! ```
 //!
 //! One vector and one readout at a time, and the plan is asked at run time. It is a case of its own, so
-//! that plans without these operations do not carry their tests. `docs/performance.md` states its speed.
+//! that plans without these operations do not carry their tests. `docs/why/performance.md` states its speed.
 //!
 //! A vector stays in registers over all readouts of a batch, unless pixels act on each other: then all vectors of the
 //! sensor step one readout, and what was computed from their light waits in memory for the next.

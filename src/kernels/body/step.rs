@@ -200,7 +200,7 @@ fn fire<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA: bool>(
 
 /// Whether no pixel can come to hold a second threshold, so that none is counted as surplus: charge that is left below a threshold
 /// which its noise has raised, and the largest increment, less a threshold that noise has lowered, is still below it. `sway` is
-/// the most by which a threshold is off besides, in steps. `docs/fixed-point.md`, "Headroom".
+/// the most by which a threshold is off besides, in steps. `docs/why/fixed-point.md`, "Headroom".
 #[inline(always)]
 pub(super) fn stays_below<L: Lanes>(
     l: L,

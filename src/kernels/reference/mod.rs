@@ -1,7 +1,7 @@
 //! The plan's integers in plain scalar loops: the oracle of every fast backend.
 //!
 //! Written for reading. It visits one pixel at a time and shares no code with
-//! the lanes; `docs/fixed-point.md` describes the same steps in words.
+//! the lanes; `docs/why/fixed-point.md` describes the same steps in words.
 
 mod moving;
 mod pixel;

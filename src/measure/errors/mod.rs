@@ -3,7 +3,7 @@
 //! Two errors, each a standard deviation; twice either covers the truth in 95 of 100 cases (where a spread is known from few
 //! samples it is widened by Student's law). What another recording by the same sensor, of the same scene and length, would
 //! differ by; and what another sensor of the same kind would differ by, its own pattern and noise included.
-//! `docs/measure.md` says how each comes about, `docs/measure-coverage.md` how often they hold.
+//! `docs/reference/measure.md` says how each comes about, `docs/why/measure-coverage.md` how often they hold.
 
 mod clusters;
 mod json;

@@ -293,7 +293,7 @@ def calibrate(
     force: bool = False,
     progress: Callback | bool | None = None,
 ) -> Calibration:
-    """Fits a camera to a recording set (a .toml file; `docs/calibration.md` has its form).
+    """Fits a camera to a recording set (a .toml file; `docs/why/calibration.md` has its form).
 
     ``out`` is a folder for camera.toml, its maps, calibration.json and report.html; without it nothing is written.
     ``dead_time`` is the share of the first increment after a spike that the reset loses, ``light_uncertainty`` the
@@ -348,7 +348,7 @@ def diagnose(
     force: bool = False,
     progress: Callback | bool | None = None,
 ) -> Diagnosis:
-    """Finds what a camera has that its model lacks, names it and adds it (`docs/diagnosis.md`).
+    """Finds what a camera has that its model lacks, names it and adds it (`docs/why/diagnosis.md`).
 
     ``recordings`` and ``holdout`` are recording sets (.toml); ``camera`` the model to start from, without it the
     published one calibrated. The same ``seed`` gives the same diagnosis. ``everything`` judges all readouts of
