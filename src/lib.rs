@@ -32,8 +32,8 @@
 //! # Ok::<(), spikelane::Error>(())
 //! ```
 //!
-//! `docs/` answers questions by topic: the model, the fixed point, the
-//! effects, formats, inputs, and how fast it is.
+//! `docs/README.md` lists the pages by what a reader asks: guides, reference, why it
+//! can be trusted, and what was tried on the way.
 
 #[cfg(all(feature = "files", feature = "threads"))]
 pub mod calibrate;
@@ -83,7 +83,11 @@ pub use sensor::Sensor;
 pub use simulate::Simulator;
 pub use spikes::{Geometry, Packed};
 
-// The examples of the page for authors of simulators run with the tests.
+// The examples of these pages run with the tests.
 #[cfg(all(doctest, feature = "files"))]
 #[doc = include_str!("../docs/guides/embedding.md")]
 struct Embedding;
+
+#[cfg(all(doctest, feature = "scene"))]
+#[doc = include_str!("../docs/reference/scenes.md")]
+struct Scenes;

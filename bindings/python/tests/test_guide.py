@@ -1,4 +1,4 @@
-"""Every block of the guide runs, in its order."""
+"""Every block of the guides runs, in its order."""
 
 from __future__ import annotations
 
@@ -8,27 +8,38 @@ from pathlib import Path
 
 import pytest
 
-GUIDE = Path(__file__).resolve().parents[3] / "docs" / "guides" / "python.md"
+GUIDES = Path(__file__).resolve().parents[3] / "docs" / "guides"
+"""`python.md` and `training.md` lie here."""
 
 
-def test_every_block_of_the_guide_runs(tmp_path, monkeypatch, capsys):
-    if not GUIDE.is_file():
-        pytest.skip(f"{GUIDE} is not here: the guide lies in the repository")
-    monkeypatch.chdir(tmp_path)
-    os.environ.setdefault("SPIKELANE_TRAIN_SECONDS", "5")
-    blocks = re.findall(r"```python\n(.*?)```", GUIDE.read_text(), re.DOTALL)
-    assert len(blocks) >= 8
+def run(guide: Path) -> None:
+    """Runs the blocks of a page in one name space, and skips where they need torch and there is none."""
+    if not guide.is_file():
+        pytest.skip(f"{guide} is not here: the guides lie in the repository")
+    blocks = re.findall(r"```python\n(.*?)```", guide.read_text(), re.DOTALL)
+    assert blocks
     space: dict[str, object] = {}
     for i, block in enumerate(blocks):
         try:
-            exec(compile(block, f"{GUIDE.name}, block {i + 1}", "exec"), space)
+            exec(compile(block, f"{guide.name}, block {i + 1}", "exec"), space)
         except ModuleNotFoundError as missing:
             if missing.name != "torch":
                 raise
-            pytest.skip(f"blocks {i + 1} to {len(blocks)} need torch, which is not here")
-    said = capsys.readouterr().out
-    assert "error of counting" in said
+            pytest.skip(f"blocks {i + 1} to {len(blocks)} of {guide.name} need torch, which is not here")
+
+
+def test_every_block_of_the_python_guide_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    run(GUIDES / "python.md")
+    assert "fixed pattern" in capsys.readouterr().out
     kept = os.environ.get("SPIKELANE_GUIDE_PICTURES")
     if kept:
         for name in ("light", "tfp", "span"):
             (Path(kept) / f"python-{name}.png").write_bytes((tmp_path / f"{name}.png").read_bytes())
+
+
+def test_every_block_of_the_training_guide_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    os.environ.setdefault("SPIKELANE_TRAIN_SECONDS", "5")
+    run(GUIDES / "training.md")
+    assert "error of counting" in capsys.readouterr().out

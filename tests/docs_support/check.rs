@@ -1,0 +1,196 @@
+//! Looks at commands without running them: do the command, its target and its flags exist?
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::process::Command;
+use std::sync::Mutex;
+
+use super::{files, root};
+
+/// Flags of cargo itself that pages use.
+const CARGO: &[&str] = &[
+    "--release",
+    "--example",
+    "--test",
+    "--bench",
+    "--bin",
+    "--lib",
+    "--no-default-features",
+    "--features",
+    "--path",
+    "--workspace",
+    "--all-targets",
+    "--no-deps",
+    "--doc",
+    "--profile",
+];
+
+/// Flags of the program that runs cargo's tests.
+const TESTS: &[&str] = &["--ignored", "--nocapture", "--exact", "--include-ignored", "--test-threads"];
+
+/// Programs of a Unix system that pages call without more ado.
+const SYSTEM: &[&str] =
+    &["cat", "cd", "cp", "echo", "export", "head", "ls", "mkdir", "mv", "rm", "sed", "printf"];
+
+/// What is wrong with the commands of a block, a line each.
+pub fn wrong(text: &str) -> Vec<String> {
+    commands(text).iter().filter_map(|words| one(words).err()).collect()
+}
+
+/// The words of each command: continued lines joined, comments and assignments left out, quotes taken off.
+fn commands(text: &str) -> Vec<Vec<String>> {
+    let mut all = vec![Vec::new()];
+    for line in text.replace("\\\n", " ").lines() {
+        let (mut word, mut quote, mut any) = (String::new(), None, false);
+        let mut chars = line.chars().peekable();
+        let flush = |word: &mut String, any: &mut bool, all: &mut Vec<Vec<String>>| {
+            if std::mem::take(any) {
+                all.last_mut().unwrap().push(std::mem::take(word));
+            }
+        };
+        while let Some(c) = chars.next() {
+            match (quote, c) {
+                (Some(q), c) if c == q => quote = None,
+                (None, '\'' | '"') => (quote, any) = (Some(c), true),
+                (None, '#') if !any => break,
+                (None, ' ') => flush(&mut word, &mut any, &mut all),
+                (None, '|' | ';' | '&') => {
+                    flush(&mut word, &mut any, &mut all);
+                    all.push(Vec::new());
+                }
+                _ => {
+                    word.push(c);
+                    any = true;
+                }
+            }
+        }
+        flush(&mut word, &mut any, &mut all);
+        all.push(Vec::new());
+    }
+    let assignment = |w: &String| {
+        w.split_once('=').is_some_and(|(name, _)| name.chars().all(|c| c.is_ascii_uppercase() || c == '_'))
+    };
+    for words in &mut all {
+        let at = words.iter().position(|w| !assignment(w)).unwrap_or(words.len());
+        words.drain(..at);
+        // What stands behind `>` is a file.
+        if let Some(at) = words.iter().position(|w| w.starts_with('>')) {
+            words.truncate(at);
+        }
+    }
+    all.retain(|words| !words.is_empty());
+    all
+}
+
+fn one(words: &[String]) -> Result<(), String> {
+    let line = words.join(" ");
+    let fail = |what: &str| Err(format!("{line}: {what}"));
+    match words[0].as_str() {
+        "spikelane" => program(&words[1..]).map_err(|e| format!("{line}: {e}")),
+        "cargo" => cargo(&words[1..]).map_err(|e| format!("{line}: {e}")),
+        "pip" | "python" | "python3" => match words.iter().skip(1).find(|w| w.ends_with(".py")) {
+            Some(script) if !root().join(script).is_file() => fail("no such script"),
+            _ => Ok(()),
+        },
+        name if name.contains('/') && !root().join(name).is_file() => fail("no such script"),
+        name if name.contains('/') || SYSTEM.contains(&name) || found(name) => Ok(()),
+        "ffmpeg" => Ok(()),
+        _ => fail("an unknown command"),
+    }
+}
+
+/// Whether the shell finds a program of that name.
+pub fn found(name: &str) -> bool {
+    let said = Command::new("sh").args(["-c", "command -v \"$0\"", name]).output();
+    said.is_ok_and(|out| out.status.success())
+}
+
+fn flags(words: &[String]) -> impl Iterator<Item = &str> {
+    words.iter().filter(|w| w.starts_with('-') && w.len() > 1).map(|w| w.split('=').next().unwrap())
+}
+
+fn program(words: &[String]) -> Result<(), String> {
+    let path: Vec<&str> = match words.first().map(String::as_str) {
+        None => vec![],
+        Some(first) if first.starts_with('-') => vec![],
+        Some("preset") if words.len() > 1 => vec!["preset", words[1].as_str()],
+        Some(first) => vec![first],
+    };
+    let help = help(&path)?;
+    let known = |flag: &str| {
+        let ends = |rest: &str| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '-');
+        help.match_indices(flag).any(|(at, _)| ends(&help[at + flag.len()..]))
+    };
+    match flags(words).find(|flag| !known(flag)) {
+        Some(flag) => Err(format!("`spikelane {} --help` has no {flag}", path.join(" "))),
+        None => Ok(()),
+    }
+}
+
+/// What a command's `--help` prints, asked for once.
+fn help(path: &[&str]) -> Result<String, String> {
+    static KNOWN: Mutex<BTreeMap<String, String>> = Mutex::new(BTreeMap::new());
+    let key = path.join(" ");
+    if let Some(text) = KNOWN.lock().unwrap().get(&key) {
+        return Ok(text.clone());
+    }
+    let out = Command::new(env!("CARGO_BIN_EXE_spikelane")).args(path).arg("--help").output().unwrap();
+    if !out.status.success() {
+        return Err(format!("there is no command '{key}'"));
+    }
+    let text = String::from_utf8(out.stdout).unwrap();
+    KNOWN.lock().unwrap().insert(key, text.clone());
+    Ok(text)
+}
+
+fn cargo(words: &[String]) -> Result<(), String> {
+    let end = words.iter().position(|w| w == "--").unwrap_or(words.len());
+    let (own, rest) = (&words[..end], &words[(end + 1).min(words.len())..]);
+    let of =
+        |flag: &str| own.iter().position(|w| w == flag).and_then(|at| own.get(at + 1)).map(String::as_str);
+    if let Some(flag) = flags(own).find(|flag| !CARGO.contains(flag)) {
+        return Err(format!("an unknown flag {flag} of cargo"));
+    }
+    let manifest = fs::read_to_string(root().join("Cargo.toml")).unwrap();
+    for flag in ["--test", "--bench", "--example"] {
+        let folder = ["tests", "benches", "examples"]
+            [["--test", "--bench", "--example"].iter().position(|f| *f == flag).unwrap()];
+        if let Some(name) = of(flag) {
+            let here = root().join(format!("{folder}/{name}.rs")).is_file();
+            if !here && !manifest.contains(&format!("name = \"{name}\"")) {
+                return Err(format!("no {flag} of the name {name}"));
+            }
+        }
+    }
+    match (own.first().map(String::as_str), of("--example"), of("--test")) {
+        (Some("run"), None, _) => program(rest),
+        (Some("run"), Some(name), _) => study(name, rest),
+        (Some("test"), _, name) => test(name, rest),
+        (Some("bench" | "build" | "install" | "doc" | "check" | "clippy" | "fmt"), _, _) => Ok(()),
+        _ => Err("an unknown command of cargo".into()),
+    }
+}
+
+/// The flags of a study are words of its source.
+fn study(name: &str, words: &[String]) -> Result<(), String> {
+    let folder = format!("study/{}", name.strip_prefix("study-").unwrap_or(name));
+    let sources = files(&folder).into_iter().chain([format!("examples/{name}.rs")]);
+    let text: String = sources.filter_map(|file| fs::read_to_string(root().join(file)).ok()).collect();
+    match flags(words).find(|flag| !text.contains(&format!("\"{flag}\""))) {
+        Some(flag) => Err(format!("{folder} knows no {flag}")),
+        None => Ok(()),
+    }
+}
+
+/// Filters of tests are names of tests, or begin one.
+fn test(file: Option<&str>, words: &[String]) -> Result<(), String> {
+    if let Some(flag) = flags(words).find(|flag| !TESTS.contains(flag)) {
+        return Err(format!("tests know no {flag}"));
+    }
+    let Some(file) = file else { return Ok(()) };
+    let text = fs::read_to_string(root().join(format!("tests/{file}.rs"))).unwrap();
+    match words.iter().find(|w| !w.starts_with('-') && !text.contains(w.as_str())) {
+        Some(name) => Err(format!("tests/{file}.rs has no {name}")),
+        None => Ok(()),
+    }
+}
