@@ -142,6 +142,18 @@ impl Error {
         self
     }
 
+    /// Refuses `what` where this build lacks the feature that it needs; `here` is whether it has it.
+    #[cfg(feature = "presets")]
+    pub(crate) fn require(what: impl fmt::Display, feature: &str, here: bool) -> Result<()> {
+        if here {
+            return Ok(());
+        }
+        Err(Self::new(Kind::Usage, what)
+            .found(format_args!("a build without the feature '{feature}'"))
+            .expected("a build with it")
+            .remedy(format_args!("build with '--features {feature}', or with the default features")))
+    }
+
     /// Asks whether the nearest of `names` was meant, where one is near enough to `word`.
     #[must_use]
     pub fn or_nearest<'a>(self, word: &str, names: impl IntoIterator<Item = &'a str>) -> Self {
@@ -201,5 +213,19 @@ impl fmt::Display for Error {
 impl std::error::Error for Error {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         self.source.as_ref().map(|e| e as _)
+    }
+}
+
+#[cfg(all(test, feature = "presets"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_needs_a_missing_feature_names_it() {
+        assert!(Error::require("EXR pictures", "exr", true).is_ok());
+        let error = Error::require("EXR pictures", "exr", false).unwrap_err();
+        assert_eq!(error.kind(), Kind::Usage);
+        let said = error.to_string();
+        assert!(said.starts_with("EXR pictures") && said.contains("'--features exr'"), "{said}");
     }
 }

@@ -56,11 +56,11 @@ pub mod light;
 #[cfg(feature = "files")]
 pub mod live;
 pub mod measure;
-#[cfg(feature = "files")]
+#[cfg(feature = "presets")]
 pub mod npy;
 pub mod pixel;
 pub mod plan;
-#[cfg(feature = "files")]
+#[cfg(feature = "presets")]
 pub mod presets;
 pub mod reconstruct;
 #[cfg(feature = "files")]

@@ -27,6 +27,7 @@ runs! {
     guide_first_video: "docs/guides/first-video.md";
     guide_own_camera: "docs/guides/own-camera.md", SIDE = "24", READOUTS = "800", LONGEST = "200";
     guide_own_data_set: "docs/guides/own-data-set.md", FRAMES = "2", SEQUENCES = "2", IMAGES = "4";
+    reference_features: "docs/reference/features.md";
     reference_formats: "docs/reference/formats.md";
     reference_measure: "docs/reference/measure.md", READOUTS = "500";
     reference_recordings: "docs/reference/recordings.md";

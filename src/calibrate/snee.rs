@@ -10,7 +10,9 @@
 //! zero. [`SneeMaps::edges`] counts those pixels; what the paper reports as the spread of
 //! `C_S` and `V_S` is then the box.
 
+#[cfg(feature = "snee")]
 use clarabel::algebra::CscMatrix;
+#[cfg(feature = "snee")]
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
 use rayon::prelude::*;
 
@@ -34,6 +36,22 @@ pub struct SneeOptions {
 impl Default for SneeOptions {
     fn default() -> Self {
         Self { box_width: 0.2, sigma_c: 0.0128 / 4.348, sigma_v: 0.0497 / 1.0924, levels_known: true }
+    }
+}
+
+impl SneeOptions {
+    /// Refuses what cannot be run, before anything is counted.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] when the box is not between 0 and 1, or the build lacks the feature `snee`.
+    pub fn check(&self) -> Result<()> {
+        Error::require("the paper's estimator", "snee", cfg!(feature = "snee"))?;
+        if !(self.box_width > 0.0 && self.box_width < 1.0) {
+            return Err(Error::new(Kind::Usage, "box of the threshold")
+                .found(self.box_width)
+                .expected("between 0 and 1"));
+        }
+        Ok(())
     }
 }
 
@@ -115,18 +133,14 @@ impl SneeMaps {
 /// Runs the paper's estimator on the levels of `observed` that are streams.
 ///
 /// # Errors
-/// When fewer than three levels are there, or the box is not between 0 and 1.
+/// When fewer than three levels are there, the box is not between 0 and 1, or the build lacks the feature `snee`.
 pub fn snee(observed: &Observed, options: &SneeOptions) -> Result<SneeMaps> {
+    options.check()?;
     let levels: Vec<_> = observed.levels.iter().filter(|l| l.readouts > 0).collect();
     if levels.len() < 3 || levels.iter().all(|l| l.light == 0.0) {
         return Err(Error::new(Kind::Input, "levels for the paper's estimator")
             .found(levels.len())
             .expected("three or more streams; the paper has 25, grey 0, 10, ... 240"));
-    }
-    if !(options.box_width > 0.0 && options.box_width < 1.0) {
-        return Err(Error::new(Kind::Usage, "box of the threshold")
-            .found(options.box_width)
-            .expected("between 0 and 1"));
     }
     let count = |l: &super::Level, p: usize| f64::from(l.spikes[p]) / f64::from(l.readouts);
     let pixels = observed.geometry.pixels();
@@ -146,7 +160,14 @@ pub fn snee(observed: &Observed, options: &SneeOptions) -> Result<SneeMaps> {
     Ok(SneeMaps { pixels, box_width: options.box_width, light_scale })
 }
 
+/// No pixel is solved without the solver, and [`SneeOptions::check`] has said so.
+#[cfg(not(feature = "snee"))]
+fn solve(_: &[f64], _: &[f64], _: &SneeOptions) -> Option<Snee> {
+    None
+}
+
 /// Unknowns `phi, alpha, dark`, then one slack per level: `|residual_k| <= slack_k`.
+#[cfg(feature = "snee")]
 fn solve(rates: &[f64], lights: &[f64], options: &SneeOptions) -> Option<Snee> {
     let k = rates.len();
     let n = 3 + k;
@@ -187,6 +208,7 @@ fn solve(rates: &[f64], lights: &[f64], options: &SneeOptions) -> Option<Snee> {
 
 /// The shortest `(c/sigma_c)^2 + (v/sigma_v)^2` with `(1 + c)(1 + v) = phi`, by Newton's method on
 /// the stationary point in `c`: `c (1 + c) sigma_v^2 = v (1 + v) sigma_c^2`.
+#[cfg(feature = "snee")]
 fn split(phi: f64, sigma_c: f64, sigma_v: f64) -> (f64, f64) {
     let (cc, vv) = (sigma_c * sigma_c, sigma_v * sigma_v);
     let mut c = (phi - 1.0) * cc / (cc + vv);
@@ -199,7 +221,7 @@ fn split(phi: f64, sigma_c: f64, sigma_v: f64) -> (f64, f64) {
     (c, phi / (1.0 + c) - 1.0)
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "snee"))]
 mod tests {
     use super::*;
 

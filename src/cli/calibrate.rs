@@ -64,6 +64,10 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         RecordingSet::open(&args.recordings)?
     };
     warn_of_set(&set, out)?;
+    let paper = SneeOptions { levels_known: !args.levels_unknown, ..SneeOptions::default() };
+    if args.snee {
+        paper.check()?;
+    }
     let mut progress = Files::new(out);
     let observed = observe(&set, &mut |name, share| progress.step(name, share))?;
     drop(progress);
@@ -75,8 +79,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     };
     let mut calibration = calibrate(&observed, &options)?;
     if args.snee {
-        let options = SneeOptions { levels_known: !args.levels_unknown, ..SneeOptions::default() };
-        calibration.paper = Some(snee(&observed, &options)?);
+        calibration.paper = Some(snee(&observed, &paper)?);
     }
     let files = write(&calibration, &args.output, args.force)?;
     let mut result = calibration.to_json();

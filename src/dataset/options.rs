@@ -12,6 +12,7 @@ use crate::error::{Error, Kind, Result};
 use crate::light::{Fit, Insertion, Rate, Transfer};
 use crate::presets;
 use crate::report::with_known;
+use crate::scene::labels::can_write_exr;
 use crate::scene::{Lighting, Samples};
 
 /// Which loaders find their folders.
@@ -208,7 +209,12 @@ impl Options {
                 .expected("at least one sequence, image and readout, and a test share from 0 to 1"));
         }
         match &self.work {
-            Work::Drives(drives) => sequence::scene_options(self, drives)?.check(),
+            Work::Drives(drives) => {
+                if drives.exr {
+                    can_write_exr()?;
+                }
+                sequence::scene_options(self, drives)?.check()
+            }
             Work::Inputs(_) => Ok(()),
         }
     }

@@ -8,7 +8,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageError, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use crate::error::{Error, Kind, Result};
 use crate::light::{Curve, Frame, Samples, Transfer, stored_size};
@@ -156,9 +156,12 @@ fn decode(reader: Reader) -> std::result::Result<DynamicImage, ImageError> {
 }
 
 fn reader(path: &Path) -> Result<Reader> {
-    ImageReader::open(path)
+    let reader = ImageReader::open(path)
         .and_then(ImageReader::with_guessed_format)
-        .map_err(|e| Error::io(path.display(), e))
+        .map_err(|e| Error::io(path.display(), e))?;
+    let exr = reader.format() == Some(ImageFormat::OpenExr);
+    Error::require(format_args!("{}: EXR pictures", path.display()), "exr", !exr || cfg!(feature = "exr"))?;
+    Ok(reader)
 }
 
 fn undecodable(path: &Path, error: ImageError) -> Error {

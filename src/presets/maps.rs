@@ -72,14 +72,27 @@ impl Table {
     }
 }
 
-pub(super) fn digest(bytes: &[u8]) -> String {
-    format!("blake3:{}", blake3::hash(bytes).to_hex())
+/// # Errors
+/// [`Kind::Usage`] in a build without the feature `files`, which brings the hash.
+pub(super) fn digest(bytes: &[u8]) -> Result<String> {
+    Error::require("maps of a camera file, which have digests", "files", cfg!(feature = "files"))?;
+    Ok(format!("blake3:{}", hash(bytes)))
+}
+
+#[cfg(feature = "files")]
+fn hash(bytes: &[u8]) -> String {
+    blake3::hash(bytes).to_hex().to_string()
+}
+
+#[cfg(not(feature = "files"))]
+fn hash(_: &[u8]) -> String {
+    String::new()
 }
 
 impl Entry {
     fn load(&self, files: &dyn Files, geometry: Geometry) -> Result<Vec<f64>> {
         let (bytes, name) = files.read(&self.file)?;
-        let found = digest(&bytes);
+        let found = digest(&bytes)?;
         if found != self.digest {
             return Err(Error::new(Kind::Corrupt, name)
                 .found(found)

@@ -102,7 +102,7 @@ fn map_table(camera: &Camera, saved: &mut Vec<(String, Vec<u8>)>) -> Result<maps
                 .expected(format_args!("{}, one per pixel of {geometry}", geometry.pixels())));
         }
         let bytes = maps::write(map, geometry)?;
-        let entry = maps::Entry { file: format!("{name}.npy"), digest: maps::digest(&bytes) };
+        let entry = maps::Entry { file: format!("{name}.npy"), digest: maps::digest(&bytes)? };
         saved.push((entry.file.clone(), bytes));
         Ok(Some(entry))
     };

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Kind, Result};
 use crate::light::srgb_code;
-use crate::scene::labels::npy_f32;
+use crate::npy::{self, Element};
 use crate::spikes::Geometry;
 
 /// How clear light is stored.
@@ -69,7 +69,10 @@ impl ImageForm {
                 let code = |x: &f32| ((x.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16).to_ne_bytes();
                 png(&light.iter().flat_map(code).collect::<Vec<_>>(), geometry, ExtendedColorType::L16)
             }
-            Self::F32 => npy_f32(&[geometry.height(), geometry.width()], light),
+            Self::F32 => {
+                let shape = [geometry.height() as u64, geometry.width() as u64];
+                npy::to_bytes(Element::F32, &shape, light.iter().map(|v| v.to_le_bytes()))
+            }
         }
     }
 

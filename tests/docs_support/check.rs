@@ -23,6 +23,9 @@ const CARGO: &[&str] = &[
     "--no-deps",
     "--doc",
     "--profile",
+    "--prefix",
+    "--no-dedupe",
+    "-e",
 ];
 
 /// Flags of the program that runs cargo's tests.
@@ -166,7 +169,7 @@ fn cargo(words: &[String]) -> Result<(), String> {
         (Some("run"), None, _) => program(rest),
         (Some("run"), Some(name), _) => study(name, rest),
         (Some("test"), _, name) => test(name, rest),
-        (Some("bench" | "build" | "install" | "doc" | "check" | "clippy" | "fmt"), _, _) => Ok(()),
+        (Some("bench" | "build" | "install" | "doc" | "check" | "clippy" | "fmt" | "tree"), _, _) => Ok(()),
         _ => Err("an unknown command of cargo".into()),
     }
 }

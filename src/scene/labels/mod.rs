@@ -11,7 +11,7 @@ mod npy;
 mod picture;
 
 pub use coco::Coco;
-pub use exr::exr;
+pub use exr::{can_write_exr, exr};
 pub use flo::flo;
 pub use kitti::{kitti_depth, kitti_flow, kitti_line, kitti_text};
 pub use npy::{npy_bool, npy_depth, npy_f32, npy_flow, npy_u8, npy_u32};
