@@ -8,6 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 use docs_support::{check, page, pages, root, run};
+use spikelane::calibrate::RecordingSet;
 
 /// One test for each page, with the variables that shorten its blocks.
 macro_rules! runs {
@@ -127,5 +128,16 @@ fn what_is_wrong_with_a_command_is_seen() {
         "docs/examples/none.sh",
     ] {
         assert_eq!(check::wrong(bad).len(), 1, "{bad}");
+    }
+}
+
+#[test]
+fn the_recording_set_of_the_reference_is_one() {
+    let page = page("docs/reference/recordings.md");
+    let blocks: Vec<_> = page.blocks().into_iter().filter(|b| b.language() == "toml").collect();
+    assert!(!blocks.is_empty());
+    for block in blocks {
+        RecordingSet::parse(&block.text, root())
+            .unwrap_or_else(|e| panic!("{}:{}: {e}", page.name, block.line));
     }
 }
