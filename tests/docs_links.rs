@@ -26,7 +26,7 @@ const HISTORY: &[&str] = &[
     "no longer",
     "is not kept",
     "are not kept",
-    "used to",
+    " used to ",
     "which was here before",
     "earlier version",
     "commit ",
@@ -74,7 +74,7 @@ fn broken(page: &Page, all: &BTreeMap<String, Vec<String>>) -> Vec<String> {
         let name = if file.is_empty() { page.name.clone() } else { resolve(&page.name, file) };
         let heading =
             anchor.is_empty() || all.get(&name).is_none_or(|found| found.iter().any(|a| a == anchor));
-        if !exists(&name) || !heading {
+        if !(file.is_empty() || exists(&name)) || !heading {
             wrong.push(format!("{}: {to}", page.name));
         }
     }
@@ -165,7 +165,7 @@ fn index() -> String {
     let pages = pages();
     let mut text = String::new();
     for (kind, question) in KINDS {
-        writeln!(text, "\n## {}{}: {question}\n", kind[..1].to_uppercase(), &kind[1..]).unwrap();
+        writeln!(text, "\n## {}{}\n\n{question}\n", kind[..1].to_uppercase(), &kind[1..]).unwrap();
         text += "| page | words, about |\n|---|--:|\n";
         for page in pages.iter().filter(|p| p.kind() == Some(kind)) {
             let path = page.name.strip_prefix("docs/").unwrap();

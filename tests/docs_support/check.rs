@@ -37,7 +37,11 @@ const SYSTEM: &[&str] =
 
 /// What is wrong with the commands of a block, a line each.
 pub fn wrong(text: &str) -> Vec<String> {
-    commands(text).iter().filter_map(|words| one(words).err()).collect()
+    let commands = commands(text);
+    // Functions of the block itself, `name() {`.
+    let own: Vec<&str> = commands.iter().filter_map(|words| words[0].strip_suffix("()")).collect();
+    let known = |name: &str| own.contains(&name.trim_end_matches("()")) || matches!(name, "{" | "}");
+    commands.iter().filter(|words| !known(&words[0])).filter_map(|words| one(words).err()).collect()
 }
 
 /// The words of each command: continued lines joined, comments and assignments left out, quotes taken off.
