@@ -44,48 +44,47 @@ pub fn wrong(text: &str) -> Vec<String> {
     commands.iter().filter(|words| !known(&words[0])).filter_map(|words| one(words).err()).collect()
 }
 
-/// The words of each command: continued lines joined, comments and assignments left out, quotes taken off.
+/// The words of each command: continued lines joined, comments, assignments and files behind `>` left out.
 fn commands(text: &str) -> Vec<Vec<String>> {
-    let mut all = vec![Vec::new()];
-    for line in text.replace("\\\n", " ").lines() {
-        let (mut word, mut quote, mut any) = (String::new(), None, false);
-        let mut chars = line.chars().peekable();
-        let flush = |word: &mut String, any: &mut bool, all: &mut Vec<Vec<String>>| {
-            if std::mem::take(any) {
-                all.last_mut().unwrap().push(std::mem::take(word));
-            }
-        };
-        while let Some(c) = chars.next() {
-            match (quote, c) {
-                (Some(q), c) if c == q => quote = None,
-                (None, '\'' | '"') => (quote, any) = (Some(c), true),
-                (None, '#') if !any => break,
-                (None, ' ') => flush(&mut word, &mut any, &mut all),
-                (None, '|' | ';' | '&') => {
-                    flush(&mut word, &mut any, &mut all);
-                    all.push(Vec::new());
-                }
-                _ => {
-                    word.push(c);
-                    any = true;
-                }
-            }
-        }
-        flush(&mut word, &mut any, &mut all);
-        all.push(Vec::new());
-    }
-    let assignment = |w: &String| {
-        w.split_once('=').is_some_and(|(name, _)| name.chars().all(|c| c.is_ascii_uppercase() || c == '_'))
-    };
+    let text = text.replace("\\\n", " ");
+    let mut all: Vec<Vec<String>> = text.lines().flat_map(line).collect();
     for words in &mut all {
-        let at = words.iter().position(|w| !assignment(w)).unwrap_or(words.len());
-        words.drain(..at);
-        // What stands behind `>` is a file.
-        if let Some(at) = words.iter().position(|w| w.starts_with('>')) {
-            words.truncate(at);
-        }
+        let assigned = words.iter().take_while(|word| is_assignment(word)).count();
+        words.drain(..assigned);
+        let end = words.iter().position(|word| word.starts_with('>')).unwrap_or(words.len());
+        words.truncate(end);
     }
     all.retain(|words| !words.is_empty());
+    all
+}
+
+fn is_assignment(word: &str) -> bool {
+    word.split_once('=').is_some_and(|(name, _)| name.chars().all(|c| c.is_ascii_uppercase() || c == '_'))
+}
+
+/// A line's commands, which `|`, `;` and `&` part; quotes are taken off.
+fn line(line: &str) -> Vec<Vec<String>> {
+    let mut all = vec![Vec::new()];
+    let (mut word, mut begun, mut quote) = (String::new(), false, None);
+    for c in line.chars().chain([' ']) {
+        match (quote, c) {
+            (Some(q), c) if c == q => quote = None,
+            (None, '\'' | '"') => (quote, begun) = (Some(c), true),
+            (None, '#') if !begun => break,
+            (None, ' ' | '|' | ';' | '&') => {
+                if std::mem::take(&mut begun) {
+                    all.last_mut().unwrap().push(std::mem::take(&mut word));
+                }
+                if c != ' ' {
+                    all.push(Vec::new());
+                }
+            }
+            _ => {
+                word.push(c);
+                begun = true;
+            }
+        }
+    }
     all
 }
 
@@ -159,14 +158,11 @@ fn cargo(words: &[String]) -> Result<(), String> {
         return Err(format!("an unknown flag {flag} of cargo"));
     }
     let manifest = fs::read_to_string(root().join("Cargo.toml")).unwrap();
-    for flag in ["--test", "--bench", "--example"] {
-        let folder = ["tests", "benches", "examples"]
-            [["--test", "--bench", "--example"].iter().position(|f| *f == flag).unwrap()];
-        if let Some(name) = of(flag) {
-            let here = root().join(format!("{folder}/{name}.rs")).is_file();
-            if !here && !manifest.contains(&format!("name = \"{name}\"")) {
-                return Err(format!("no {flag} of the name {name}"));
-            }
+    for (flag, folder) in [("--test", "tests"), ("--bench", "benches"), ("--example", "examples")] {
+        let Some(name) = of(flag) else { continue };
+        let here = root().join(format!("{folder}/{name}.rs")).is_file();
+        if !here && !manifest.contains(&format!("name = \"{name}\"")) {
+            return Err(format!("no {flag} of the name {name}"));
         }
     }
     match (own.first().map(String::as_str), of("--example"), of("--test")) {
