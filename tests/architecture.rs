@@ -4,6 +4,11 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+#[path = "architecture/graph.rs"]
+mod graph;
+
+use graph::Graph;
+
 /// Rooms from the ground up; rooms on one line do not see each other.
 const HOUSE: &[&[&str]] = &[
     &["error"],
@@ -34,6 +39,15 @@ const UNSAFE: &[&str] = &[
     "kernels/isa/avx512_counts.rs",
     "storage/",
 ];
+
+/// The most files of a room, its face included.
+const MOST_FILES: usize = 15;
+
+/// Rooms that are larger, with the reason.
+const LARGE: &[(&str, &str)] = &[("effects", "one file for each effect"), ("kernels", "not yet in rooms")];
+
+/// Rooms whose files may use each other in a circle, with the reason.
+const CIRCLES: &[(&str, &str)] = &[("plan", "not yet opened"), ("kernels", "not yet opened")];
 
 fn floor(room: &str) -> Option<usize> {
     HOUSE.iter().position(|line| line.contains(&room))
@@ -105,6 +119,42 @@ fn a_made_up_arrow_upward_is_seen() {
     assert_eq!(upward("plan", "use crate::presets;"), ["presets"]);
     assert_eq!(upward("light", "use crate::{error::Result, simulate::run};"), ["simulate"]);
     assert!(upward("plan", "use crate::draws::hash; // crate::draws").is_empty());
+}
+
+#[test]
+fn no_files_use_each_other_in_a_circle() {
+    let excused = |file: &PathBuf| CIRCLES.iter().any(|(room, _)| file.starts_with(room));
+    let circles = Graph::new(&sources()).circles();
+    let wrong: Vec<_> = circles.iter().filter(|circle| !circle.iter().all(excused)).collect();
+    assert!(wrong.is_empty(), "these use each other: {wrong:#?}");
+}
+
+#[test]
+fn a_made_up_circle_is_seen_through_a_face() {
+    let source = |path: &str, text: &str| (PathBuf::from(path), text.to_owned());
+    let open = [
+        source("lib.rs", "pub mod a;\npub mod b;"),
+        source("a/mod.rs", "mod inner;\npub use inner::Thing;"),
+        source("a/inner.rs", "pub struct Thing; // crate::b::f"),
+        source("b.rs", "use crate::a::{self, Thing as T};\npub fn f(_: T) -> a::Thing { a::Thing }"),
+    ];
+    let mut sources = BTreeMap::from(open);
+    assert!(Graph::new(&sources).circles().is_empty());
+    let inner = sources.get_mut(Path::new("a/inner.rs")).unwrap();
+    inner.push_str("\nfn g() { crate::b::f(Thing) }");
+    assert_eq!(Graph::new(&sources).circles(), [["a/inner.rs", "b.rs"].map(PathBuf::from)]);
+}
+
+#[test]
+fn rooms_have_few_files() {
+    let mut rooms: BTreeMap<PathBuf, usize> = BTreeMap::new();
+    for (path, _) in sources() {
+        *rooms.entry(path.parent().unwrap().to_path_buf()).or_default() += 1;
+    }
+    rooms.retain(|room, files| {
+        *files > MOST_FILES && !LARGE.iter().any(|(large, _)| room == Path::new(large))
+    });
+    assert!(rooms.is_empty(), "more than {MOST_FILES} files: {rooms:?}");
 }
 
 #[test]

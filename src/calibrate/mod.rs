@@ -9,40 +9,25 @@
 //!
 //! `docs/why/calibration.md` has the method and what it reaches.
 
-mod below;
-mod check;
-mod doubt;
-mod drift;
-mod estimate;
-mod fit;
-mod lamps;
-mod levels;
-mod noise;
-mod observe;
-mod output;
-mod page;
-mod phase;
+mod fitter;
+mod formulas;
 mod population;
-mod protocol;
-mod published_maps;
-mod recordings;
 mod result;
-mod rule;
-mod said;
-mod selection;
+mod sets;
 mod snee;
-mod solve;
+mod written;
 
-pub use estimate::calibrate;
-pub use fit::{PixelFit, Weighting, fit_line, least_absolute};
-pub use observe::{IntervalNoise, Level, Observed, Progress, observe};
-pub use output::{Files, write};
-pub use page::page;
-pub use phase::growth_ratio;
+pub use fitter::estimate::calibrate;
+pub use formulas::fit::{PixelFit, Weighting, fit_line, least_absolute};
+pub use formulas::phase::growth_ratio;
+pub use formulas::selection::{nu, psi};
 pub use population::{Population, threshold_spread};
-pub use protocol::{Precision, Protocol, predict};
-pub use published_maps::import_maps;
-pub use recordings::{Light, RateMap, Recording, RecordingSet, Scene, UNTOLD};
 pub use result::{Calibration, LIGHT_UNCERTAINTY, Lamp, Options, Redrawn};
-pub use selection::{nu, psi};
+pub use sets::observe::{Progress, observe};
+pub use sets::observed::{IntervalNoise, Level, Observed};
+pub use sets::protocol::{Precision, Protocol, predict};
+pub use sets::published_maps::import_maps;
+pub use sets::recordings::{Light, RateMap, Recording, RecordingSet, Scene, UNTOLD};
 pub use snee::{Edges, Snee, SneeMaps, SneeOptions, snee};
+pub use written::output::{Files, write};
+pub use written::page::page;

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::fit::PixelFit;
+use crate::calibrate::formulas::fit::PixelFit;
 use crate::measure::Estimate;
 
 /// Moments over the pixels, each with its standard error.
@@ -82,4 +82,10 @@ pub fn threshold_spread(covariance: Estimate) -> Estimate {
     let value = square.sqrt();
     let error = if c > covariance.error { covariance.error / (2.0 * value) } else { covariance.error.sqrt() };
     Estimate { value, error, samples: covariance.samples }
+}
+
+/// Mean and standard deviation of the finite entries.
+pub(super) fn mean_and_sd(map: &[f64]) -> (f64, f64) {
+    let all = Estimate::mean(map.iter().copied());
+    (all.value, all.error * (all.samples as f64).sqrt())
 }

@@ -1,8 +1,8 @@
 //! What a calibration takes as known and what it gives: maps, moments, and the camera they amount to.
 
-use super::fit::PixelFit;
 use super::population::Population;
 use super::snee::SneeMaps;
+use crate::calibrate::formulas::fit::PixelFit;
 use crate::draws::pattern::Pattern;
 use crate::draws::{Seeds, Stream};
 use crate::effects::{Camera, Maps, find};

@@ -16,7 +16,7 @@ use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
 use rayon::prelude::*;
 
-use super::observe::Observed;
+use crate::calibrate::sets::observed::Observed;
 use crate::error::{Error, Kind, Result};
 
 /// What the paper's estimator is told.
@@ -142,9 +142,13 @@ pub fn snee(observed: &Observed, options: &SneeOptions) -> Result<SneeMaps> {
             .found(levels.len())
             .expected("three or more streams; the paper has 25, grey 0, 10, ... 240"));
     }
-    let count = |l: &super::Level, p: usize| f64::from(l.spikes[p]) / f64::from(l.readouts);
+    let count = |l: &crate::calibrate::sets::observed::Level, p: usize| {
+        f64::from(l.spikes[p]) / f64::from(l.readouts)
+    };
     let pixels = observed.geometry.pixels();
-    let mean = |l: &super::Level| (0..pixels).map(|p| count(l, p)).sum::<f64>() / pixels as f64;
+    let mean = |l: &crate::calibrate::sets::observed::Level| {
+        (0..pixels).map(|p| count(l, p)).sum::<f64>() / pixels as f64
+    };
     let light_scale = match (options.levels_known, levels.first(), levels.last()) {
         (false, Some(darkest), Some(brightest)) => {
             (mean(brightest) - mean(darkest)) / (brightest.light - darkest.light)

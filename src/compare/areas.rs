@@ -5,7 +5,7 @@
 
 use serde::Serialize;
 
-use super::scene::{SceneRow, row, terms};
+use super::row::{SceneRow, row, terms};
 use crate::measure::Statistics;
 
 /// Number of areas: bands of rows with equally many of the compared pixels.

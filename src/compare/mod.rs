@@ -8,13 +8,15 @@ mod areas;
 mod grey;
 mod grey_page;
 mod realism;
+mod row;
 mod scene;
 mod scene_page;
 
 pub use areas::Area;
 pub use grey::{CameraDistance, Floor, GreyComparison, grey_levels};
 pub use realism::{Auc, Part, Realism, RealismOptions, RealismRow, Tell, Window, realism};
-pub use scene::{SceneComparison, SceneRow, static_scene};
+pub use row::SceneRow;
+pub use scene::{SceneComparison, static_scene};
 
 /// The models that the paper compares, and this crate's own.
 pub const MODELS: [&str; 6] = ["scsim-code", "scsim-paper", "neuspike", "spikingsim", "spcs", "physical"];

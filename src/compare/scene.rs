@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::areas::{Area, Areas};
+use super::row::{LAGS, SceneRow, apart, row, terms};
 use crate::draws::Seeds;
 use crate::effects::{Camera, Maps};
 use crate::error::{Error, Kind, Result};
@@ -10,8 +11,6 @@ use crate::formats::Reader;
 use crate::measure::{Accumulator, Estimate, Options, Statistics, box_means, of_stream, select_smooth};
 use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::{Geometry, Packed};
-
-pub(super) const LAGS: [u32; 5] = [1, 8, 16, 24, 32];
 
 /// Readouts simulated at a time.
 const BATCH: usize = 496;
@@ -21,40 +20,6 @@ pub(super) const LEAD: usize = 200;
 
 /// Half side of the surroundings that decide whether a pixel lies in a static area.
 const RADIUS: usize = 5;
-
-/// Temporal statistics of one camera on the static areas.
-#[derive(Clone, Debug, Serialize)]
-pub struct SceneRow {
-    /// The camera's name, or `measured`.
-    pub name: String,
-    /// `D(1)`, `D(8)`, `D(16)`, `D(24)`, `D(32)` in readouts squared; NaN becomes null.
-    pub lag_variance: Vec<Estimate>,
-    /// Share of intervals off the pixel's lattice.
-    pub outliers: Estimate,
-    /// `|ln(model / measured)|` of `D(1)`, `D(8)` and the outliers (infinite for a model without any).
-    pub terms: [f64; 3],
-    /// Their sum, by which models are ranked.
-    pub distance: f64,
-    /// The same over `D(16)`, `D(24)` and `D(32)`.
-    pub slow_distance: f64,
-    /// Distance less that of the nearest model, and its standard error over the areas (delete-one jackknife).
-    pub behind: f64,
-    /// See `behind`; NaN, which becomes null, where a distance is infinite.
-    pub behind_error: f64,
-    /// Its share of outliers in every area.
-    pub area_outliers: Vec<f64>,
-    /// Its distance in every area.
-    pub area_distances: Vec<f64>,
-}
-
-impl SceneRow {
-    /// Whether this model is no further from the recording than the nearest one, as far as the areas agree: within two
-    /// standard errors.
-    #[must_use]
-    pub fn is_as_near(&self) -> bool {
-        self.behind <= 2.0 * self.behind_error
-    }
-}
 
 /// Measured recording and models, nearest first.
 #[derive(Clone, Debug, Serialize)]
@@ -143,34 +108,6 @@ fn static_pixels(statistics: &Statistics) -> Vec<usize> {
     // of these, and 0.2 % for a lamp.
     let steady = |p: &usize| (early[*p] - late[*p]).abs() <= 0.27 + 0.002 * early[*p];
     even.into_iter().filter(steady).collect()
-}
-
-fn apart(model: Estimate, own: Estimate) -> f64 {
-    (model.value / own.value).ln().abs()
-}
-
-/// What a distance is the sum of.
-pub(super) fn terms(model: &SceneRow, own: &SceneRow) -> [f64; 3] {
-    let lag = |i: usize| apart(model.lag_variance[i], own.lag_variance[i]);
-    [lag(0), lag(1), apart(model.outliers, own.outliers)]
-}
-
-pub(super) fn row(name: &str, statistics: &Statistics, pixels: &[usize]) -> SceneRow {
-    let nothing = Estimate { value: f64::NAN, error: f64::NAN, samples: 0 };
-    let intervals = statistics.intervals.as_ref();
-    let of = |lag: &u32| intervals.map_or(nothing, |i| i.unbiased_lag_variance(*lag, Some(pixels)));
-    SceneRow {
-        name: name.to_owned(),
-        lag_variance: LAGS.iter().map(of).collect(),
-        outliers: intervals.map_or(nothing, |i| i.off_lattice(Some(pixels))),
-        terms: [0.0; 3],
-        distance: 0.0,
-        slow_distance: 0.0,
-        behind: 0.0,
-        behind_error: 0.0,
-        area_outliers: Vec::new(),
-        area_distances: Vec::new(),
-    }
 }
 
 /// A camera of that size without its fixed pattern: measured rates hold the real camera's own.

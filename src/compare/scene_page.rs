@@ -1,6 +1,7 @@
 //! The page of a comparison with one static recording.
 
-use super::scene::{LAGS, SceneComparison, SceneRow};
+use super::row::{LAGS, SceneRow};
+use super::scene::SceneComparison;
 use crate::error::Result;
 use crate::report::{Curve, Part, Table, curves, heat_map, page};
 

@@ -9,16 +9,6 @@ use crate::error::{Error, Result};
 use crate::light::Frame;
 use crate::simulate::{ImageFacts, ImageForm};
 
-/// Which clear images are kept, and how they are stored.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Images {
-    /// Readouts from one to the next, from readout 0 on. Without it those of a scene's own images are
-    /// kept, and of given inputs none.
-    pub every: Option<u64>,
-    /// How they are stored.
-    pub form: ImageForm,
-}
-
 /// Writes images into `images/` of a sequence's folder, named for their readouts.
 pub(super) struct Keeper {
     pub folder: PathBuf,

@@ -17,11 +17,12 @@ mod run;
 mod sequence;
 mod structure;
 mod truth;
+mod work;
 
 pub use drive::Drive;
 pub use from::{Input, inputs, skipped};
-pub use images::Images;
 pub use manifest::{Entry, Manifest, Status};
-pub use options::{Drives, Estimate, Inputs, Options, Structure, Work};
+pub use options::{Estimate, Images, Options};
 pub use record::Record;
 pub use run::{Progress, Report, estimate, make};
+pub use work::{Drives, Inputs, Structure, Work};

@@ -4,151 +4,17 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use crate::dataset::{Images, sequence, truth};
+use crate::dataset::work::{Drives, Structure, Work, ground_truth};
 use crate::draws::hash::mix64;
 use crate::draws::{Seeds, Stream};
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
-use crate::light::{Fit, Insertion, Rate, Transfer};
+use crate::light::Rate;
 use crate::presets;
 use crate::report::with_known;
 use crate::scene::labels::can_write_exr;
-use crate::scene::{Lighting, Samples};
-
-/// Which loaders find their folders.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Structure {
-    /// `SPLIT/spike/ID.dat`, `SPLIT/gt/ID.png` and SpikeCV's `config.yaml`.
-    #[default]
-    SpikeCv,
-    /// `SPLIT/spike/ID.dat` and `SPLIT/gt/ID.png`, as Spike-Zoo's base dataset.
-    SpikeZoo,
-}
-
-impl Structure {
-    /// The name in arguments and manifests.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::SpikeCv => "spikecv",
-            Self::SpikeZoo => "spike-zoo",
-        }
-    }
-}
-
-impl std::str::FromStr for Structure {
-    type Err = Error;
-
-    fn from_str(name: &str) -> Result<Self> {
-        [Self::SpikeCv, Self::SpikeZoo].into_iter().find(|l| l.name() == name).ok_or_else(|| {
-            Error::new(Kind::Usage, "dataset structure")
-                .found(format_args!("`{name}`"))
-                .expected("spikecv or spike-zoo")
-        })
-    }
-}
-
-/// Random driving scenes.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Drives {
-    /// Number of scenes.
-    pub sequences: u32,
-    /// Clear images of each.
-    pub images: u32,
-    /// Readouts from one image to the next; light follows every readout.
-    pub readouts_per_image: u32,
-    /// Images from one labelled image to the next; 0 for no labels.
-    pub label_every: u32,
-    /// The light, or one drawn by each scene's seed.
-    pub lighting: Option<Lighting>,
-    /// Lamp flicker in hertz.
-    pub flicker_hz: Option<f64>,
-    /// Vehicles, or as many as the seed says.
-    pub vehicles: Option<u32>,
-    /// Wished speed in km/h, or what the seed says.
-    pub speed_kmh: Option<f64>,
-    /// Luminance of full scale in cd/m2 for all scenes, or each scene's own white.
-    pub white_cd_m2: Option<f32>,
-    /// Colour samples of a pixel.
-    pub samples: Samples,
-    /// Also the clear images as linear `f32`.
-    pub npy: bool,
-    /// Also depth and flow as KITTI's 16-bit PNGs.
-    pub kitti: bool,
-    /// Also the light of labelled images in colour, as EXR.
-    pub exr: bool,
-}
-
-impl Drives {
-    /// Names of datasets that are known.
-    pub const PRESETS: [&'static str; 2] = ["rhdd", "tiny"];
-
-    /// The dataset of that name.
-    #[must_use]
-    pub fn preset(name: &str) -> Option<Self> {
-        match name {
-            "rhdd" => Some(Self::rhdd()),
-            "tiny" => Some(Self::tiny()),
-            _ => None,
-        }
-    }
-
-    /// Two scenes of 40 images, for a first try.
-    #[must_use]
-    pub fn tiny() -> Self {
-        Self { sequences: 2, images: 40, label_every: 20, ..Self::rhdd() }
-    }
-
-    /// The dataset of the SCSim paper: 30 scenes of 500 images, one readout per image.
-    #[must_use]
-    pub const fn rhdd() -> Self {
-        Self {
-            sequences: 30,
-            images: 500,
-            readouts_per_image: 1,
-            label_every: 25,
-            lighting: None,
-            flicker_hz: None,
-            vehicles: None,
-            speed_kmh: None,
-            white_cd_m2: None,
-            samples: Samples::Four,
-            npy: false,
-            kitti: false,
-            exr: false,
-        }
-    }
-
-    /// Readouts of one sequence.
-    #[must_use]
-    pub fn readouts(&self) -> u64 {
-        u64::from(self.images) * u64::from(self.readouts_per_image)
-    }
-}
-
-/// Videos and image folders below a folder.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Inputs {
-    /// Where they lie.
-    pub folder: PathBuf,
-    /// Readouts of every frame; `None` as its times or rate say, see [`crate::light::Pace`].
-    pub readouts_per_frame: Option<u64>,
-    /// Light between frames.
-    pub insertion: Insertion,
-    /// How frames come to the camera's size.
-    pub fit: Fit,
-    /// Declared transfer function.
-    pub transfer: Option<Transfer>,
-}
-
-/// Where the light of a dataset comes from.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Work {
-    /// Driving scenes.
-    Drives(Drives),
-    /// Given pictures.
-    Inputs(Inputs),
-}
+use crate::scene::{Samples, SceneOptions};
+use crate::simulate::ImageForm;
 
 /// A dataset.
 #[derive(Clone, Debug)]
@@ -177,6 +43,16 @@ pub struct Options {
     pub threads: usize,
     /// Go on with a dataset that was begun.
     pub resume: bool,
+}
+
+/// Which clear images are kept, and how they are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Images {
+    /// Readouts from one to the next, from readout 0 on. Without it those of a scene's own images are
+    /// kept, and of given inputs none.
+    pub every: Option<u64>,
+    /// How they are stored.
+    pub form: ImageForm,
 }
 
 /// What a dataset will take.
@@ -213,7 +89,7 @@ impl Options {
                 if drives.exr {
                     can_write_exr()?;
                 }
-                sequence::scene_options(self, drives)?.check()
+                scene_options(self, drives)?.check()
             }
             Work::Inputs(_) => Ok(()),
         }
@@ -289,7 +165,7 @@ impl Options {
             "work": work, "camera": presets::to_toml(&self.camera)?.text, "seed": self.seed,
             "scene_seed": self.scene_seed, "camera_seed": self.camera_seed,
             "structure": self.structure.name(), "test_share": self.test_share,
-            "ground_truth": truth::facts(self.structure),
+            "ground_truth": ground_truth(self.structure),
             "images": with_known(images, [("every", self.images.every.map(Into::into))]),
             "version": env!("CARGO_PKG_VERSION"),
         }))
@@ -304,4 +180,20 @@ impl Options {
         let micro = (self.camera.sensor.readout_hz * 1e6).round();
         Rate::new(micro as u64, 1_000_000)
     }
+}
+
+/// What every scene of the dataset is asked to be.
+pub(super) fn scene_options(options: &Options, drives: &Drives) -> Result<SceneOptions> {
+    let geometry = options.camera.sensor.geometry;
+    Ok(SceneOptions {
+        width: geometry.width() as u32,
+        height: geometry.height() as u32,
+        lighting: drives.lighting,
+        // One more readout than needed, so that rounding leaves the last one inside.
+        duration_s: (drives.readouts() as f64 / options.rate()?.hz()).max(2e-3),
+        speed_kmh: drives.speed_kmh,
+        vehicles: drives.vehicles,
+        flicker_hz: drives.flicker_hz,
+        fov_deg: None,
+    })
 }

@@ -7,13 +7,15 @@ use serde_json::{Value, json};
 
 use crate::dataset::images::Keeper;
 use crate::dataset::labels;
+use crate::dataset::options::scene_options;
 use crate::dataset::truth::{self, Dimmed};
+use crate::dataset::work::ground_truth;
 use crate::dataset::{Drive, Drives, Entry, Inputs, Options, Record, Structure, Work};
 use crate::error::{Error, Result};
 use crate::formats::Layout;
 use crate::light::{self, Frame, Insertion, Pace, Samples, Source, Timeline};
 use crate::report::with_known;
-use crate::scene::{Scene, SceneOptions};
+use crate::scene::Scene;
 use crate::simulate::{CameraFacts, LightFacts, Looks, Outcome, Run, Sidecar, StreamFacts, run_looking};
 
 /// Hears of readouts done, and may stop the work.
@@ -73,22 +75,6 @@ fn sync(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What every scene of the dataset is asked to be.
-pub(super) fn scene_options(options: &Options, drives: &Drives) -> Result<SceneOptions> {
-    let geometry = options.camera.sensor.geometry;
-    Ok(SceneOptions {
-        width: geometry.width() as u32,
-        height: geometry.height() as u32,
-        lighting: drives.lighting,
-        // One more readout than needed, so that rounding leaves the last one inside.
-        duration_s: (drives.readouts() as f64 / options.rate()?.hz()).max(2e-3),
-        speed_kmh: drives.speed_kmh,
-        vehicles: drives.vehicles,
-        flicker_hz: drives.flicker_hz,
-        fov_deg: None,
-    })
-}
-
 fn drive(
     options: &Options,
     drives: &Drives,
@@ -129,7 +115,7 @@ fn drive(
         "readouts": outcome.readouts, "readouts_per_image": drives.readouts_per_image,
         "image_readouts": "the number in the file's name", "clear_readout": readouts / 2,
         "clear_transfer": "srgb",
-        "ground_truth": truth::facts(options.structure),
+        "ground_truth": ground_truth(options.structure),
         "label_readouts": labelled, "max_px_per_readout": plan.max_px_per_readout,
         "key_frames": plan.keys.len(), "too_fast": plan.too_fast(),
         "needed_readout_hz": plan.needed_hz(rate.hz()) as u64,
@@ -176,7 +162,7 @@ fn input(
     let about = json!({
         "kind": "input", "input": name, "frames": outcome.frames, "readouts": outcome.readouts,
         "readouts_per_frame": inputs.readouts_per_frame, "clear_readout": middle, "clear_transfer": "srgb",
-        "ground_truth": truth::facts(options.structure), "light_scale": by,
+        "ground_truth": ground_truth(options.structure), "light_scale": by,
         "frames_beyond_greatest_light": outcome.too_bright, "notes": notes,
     });
     Ok((with_images(about, &keeper), outcome.readouts))

@@ -2,8 +2,6 @@
 
 use std::path::Path;
 
-use serde_json::{Value, json};
-
 use crate::dataset::labels::write;
 use crate::dataset::{Options, Structure};
 use crate::effects::Camera;
@@ -23,20 +21,6 @@ const WHITE: f32 = 254.5 / 255.0;
 /// One exposure and the next shorter one that is tried.
 const STEP: f32 = 0.99;
 
-impl Structure {
-    /// The rate, in spikes per pixel and readout, for which code 255 of the ground truth stands.
-    ///
-    /// Spike-Zoo divides reconstructed rates by the `rate` of its configuration, 0.6 by default, before it
-    /// compares them with code / 255. SpikeCV's pictures are 255 times the rate, and its PSNR compares codes.
-    #[must_use]
-    pub const fn rate_at_255(self) -> f64 {
-        match self {
-            Self::SpikeCv => 1.0,
-            Self::SpikeZoo => 0.6,
-        }
-    }
-}
-
 /// The camera of `options`, exposed so that light 1.0 has no greater rate than code 255 can say.
 ///
 /// SpikeCV's code 255 is the greatest rate that there is; nothing needs to change for it.
@@ -47,14 +31,6 @@ pub(super) fn exposed(options: &Options) -> Camera {
         *full = full.min(options.structure.rate_at_255());
     }
     camera
-}
-
-/// What codes stand for, for manifests and records.
-pub(super) fn facts(structure: Structure) -> Value {
-    json!({
-        "file": "gt.png", "transfer": "linear", "rate_at_255": structure.rate_at_255(),
-        "readout": "floor(readouts / 2), counted from 0",
-    })
 }
 
 /// Writes `clear.png` and `gt.png` from the light of the middle readout.

@@ -4,63 +4,14 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Kind, Result};
 use crate::formats::layouts::{self, Array, Axes, Entry, Meaning};
-use crate::formats::reader::{Place, Source};
+use crate::formats::origin::{Lost, Origin};
+use crate::formats::reader::Reader;
 use crate::formats::sidecar::Facts;
-use crate::formats::{Codec, Layout, Reader, container, dataset_config, readings, sidecar, size};
+use crate::formats::source::{Place, Source};
+use crate::formats::{Codec, Layout, container, dataset_config, readings, sidecar, size};
 use crate::npy;
 use crate::spikes::Geometry;
 use crate::storage::Map;
-
-/// What stands for readouts that a recording lost.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Lost {
-    /// An empty readout, so that those behind keep their numbers and times.
-    #[default]
-    Mark,
-    /// Nothing: those behind move up.
-    Drop,
-}
-
-impl std::str::FromStr for Lost {
-    type Err = Error;
-
-    /// `mark` or `drop`.
-    fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "mark" => Ok(Self::Mark),
-            "drop" => Ok(Self::Drop),
-            _ => Err(Error::new(Kind::Usage, "lost readouts")
-                .found(format_args!("`{text}`"))
-                .expected("mark or drop")),
-        }
-    }
-}
-
-/// Where the size of a stream's frames was found.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Origin {
-    /// The caller gave it.
-    Given,
-    /// A sidecar.
-    Sidecar(PathBuf),
-    /// The `config.yaml` of a data set.
-    DataSet(PathBuf),
-    /// The header of an array, or its shape.
-    Header,
-    /// The camera whose rows the layout has.
-    Camera,
-}
-
-impl std::fmt::Display for Origin {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Given => f.write_str("as given"),
-            Self::Sidecar(path) | Self::DataSet(path) => write!(f, "from {}", path.display()),
-            Self::Header => f.write_str("from the array's header"),
-            Self::Camera => f.write_str("the camera's"),
-        }
-    }
-}
 
 /// How a stream is to be opened; what is `None` is found out.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -73,6 +24,29 @@ pub struct Opening {
     pub key: Option<String>,
     /// What stands for lost readouts.
     pub lost: Lost,
+}
+
+impl Reader {
+    /// Opens a file; see [`Opening::open`], of which this gives layout and geometry.
+    ///
+    /// # Errors
+    /// As [`Opening::open`].
+    pub fn open(path: &Path, layout: Option<Layout>, geometry: Option<Geometry>) -> Result<Self> {
+        Opening { layout, geometry, ..Opening::default() }.open(path)
+    }
+
+    /// Takes a stream that is already in memory; `name` stands for it in errors.
+    ///
+    /// # Errors
+    /// As [`Opening::from_bytes`].
+    pub fn from_bytes(
+        name: &str,
+        bytes: Vec<u8>,
+        layout: Option<Layout>,
+        geometry: Option<Geometry>,
+    ) -> Result<Self> {
+        Opening { layout, geometry, ..Opening::default() }.from_bytes(name, bytes)
+    }
 }
 
 impl Opening {

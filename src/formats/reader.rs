@@ -1,15 +1,12 @@
 //! A stream, opened: any frame of any layout.
 
-use std::ops::{Deref, Range};
-use std::path::Path;
+use std::ops::Range;
 
+use super::origin::{Lost, Origin};
+use super::source::{Place, Source};
 use crate::error::{Error, Kind, Result};
-use crate::formats::{Codec, Layout, Lost, Opening, Origin};
+use crate::formats::{Codec, Layout};
 use crate::spikes::{Geometry, Packed};
-use crate::storage::Map;
-
-/// How far [`Frames`] reads before it gives memory back.
-const RELEASE: usize = 16 << 20;
 
 /// Numbers of lost readouts that a warning lists.
 const LISTED: usize = 12;
@@ -32,54 +29,7 @@ pub struct Reader {
     warnings: Vec<String>,
 }
 
-/// Where frames lie.
-#[derive(Debug)]
-pub(super) enum Place {
-    /// One behind the other from this byte on.
-    Even(usize),
-    /// Each at a byte of its own; `None` for a lost one.
-    Each(Vec<Option<usize>>),
-}
-
-#[derive(Debug)]
-pub(super) enum Source {
-    Map(Map),
-    Memory(Vec<u8>),
-}
-
-impl Deref for Source {
-    type Target = [u8];
-
-    fn deref(&self) -> &[u8] {
-        match self {
-            Self::Map(map) => map,
-            Self::Memory(bytes) => bytes,
-        }
-    }
-}
-
 impl Reader {
-    /// Opens a file; see [`Opening::open`], of which this gives layout and geometry.
-    ///
-    /// # Errors
-    /// As [`Opening::open`].
-    pub fn open(path: &Path, layout: Option<Layout>, geometry: Option<Geometry>) -> Result<Self> {
-        Opening { layout, geometry, ..Opening::default() }.open(path)
-    }
-
-    /// Takes a stream that is already in memory; `name` stands for it in errors.
-    ///
-    /// # Errors
-    /// As [`Opening::from_bytes`].
-    pub fn from_bytes(
-        name: &str,
-        bytes: Vec<u8>,
-        layout: Option<Layout>,
-        geometry: Option<Geometry>,
-    ) -> Result<Self> {
-        Opening { layout, geometry, ..Opening::default() }.from_bytes(name, bytes)
-    }
-
     /// `readouts` frames from the first byte on.
     pub(super) fn new(
         source: Source,
@@ -249,21 +199,6 @@ impl Reader {
         Ok(())
     }
 
-    /// The frames of `readouts`, one at a time, in constant memory.
-    ///
-    /// # Errors
-    /// [`Kind::Usage`] when they are not all in the stream.
-    pub fn frames(&self, readouts: Range<usize>) -> Result<Frames<'_>> {
-        self.check(&readouts)?;
-        Ok(Frames {
-            reader: self,
-            frame: vec![0; self.geometry().frame_bytes()],
-            released: readouts.start,
-            next: readouts.start,
-            end: readouts.end,
-        })
-    }
-
     /// The packed frames themselves, without a copy, when the file has them as memory
     /// does (`dat-top` and archives of whole bytes, `npy-bits` of whole rows).
     #[must_use]
@@ -282,7 +217,7 @@ impl Reader {
         }
     }
 
-    fn check(&self, readouts: &Range<usize>) -> Result<()> {
+    pub(super) fn check(&self, readouts: &Range<usize>) -> Result<()> {
         if readouts.start > readouts.end || readouts.end > self.readouts {
             return Err(Error::new(Kind::Usage, &self.name)
                 .found(format_args!("readouts {}..{}", readouts.start, readouts.end))
@@ -312,34 +247,5 @@ impl Reader {
             Place::Each(frames) => (*frames.get(readout)?)?,
         };
         self.source.get(at..at + self.codec.frame_bytes())
-    }
-}
-
-/// The frames of a range of readouts; see [`Reader::frames`].
-#[derive(Debug)]
-pub struct Frames<'a> {
-    reader: &'a Reader,
-    frame: Vec<u8>,
-    released: usize,
-    next: usize,
-    end: usize,
-}
-
-impl Frames<'_> {
-    /// The next packed frame, `None` behind the last.
-    ///
-    /// Not an [`Iterator`]: the frame lives until the next call, so none is allocated.
-    pub fn next_frame(&mut self) -> Option<Result<&[u8]>> {
-        if self.next >= self.end {
-            return None;
-        }
-        let result = self.reader.read_frame(self.next, &mut self.frame);
-        self.next += 1;
-        let passed = (self.next - self.released) * self.reader.codec.frame_bytes();
-        if passed >= RELEASE {
-            self.reader.release(self.released..self.next);
-            self.released = self.next;
-        }
-        Some(result.map(|()| self.frame.as_slice()))
     }
 }

@@ -14,7 +14,7 @@ use crate::spikes::{Geometry, bit};
 
 mod map;
 
-use map::{Bits, Map};
+use map::{BEYOND_CHANCE, Bits, Map};
 
 /// Readouts that are looked at, from the middle of the stream.
 const READOUTS: usize = 64;
@@ -24,9 +24,6 @@ const LEAST: f64 = 0.2;
 
 /// A correlation below this is one of rows that alternate, which noise never has.
 const OPPOSITE: f64 = -0.6;
-
-/// Standard errors of a correlation of chance that one has to exceed.
-const BEYOND_CHANCE: f64 = 6.0;
 
 /// Other readings that are listed.
 const LISTED: usize = 3;

@@ -10,8 +10,8 @@ use std::str::FromStr;
 use image::imageops::{FilterType, resize};
 use image::{ImageBuffer, Luma, Primitive};
 
+use super::frame::{Frame, Samples};
 use crate::error::{Error, Kind, Result};
-use crate::light::{Frame, Samples};
 use crate::spikes::Geometry;
 
 /// How a picture is brought to the camera's size.

@@ -1,8 +1,8 @@
 //! One picture of linear light, and whatever yields a row of them.
 
+use super::rate::Rate;
 use crate::error::{Error, Kind, Result};
 use crate::kernels;
-use crate::light::Rate;
 use crate::sensor::{FrontEnd, Transfer};
 use crate::spikes::Geometry;
 #[cfg(feature = "files")]

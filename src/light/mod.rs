@@ -5,59 +5,46 @@
 //! but `libm`; reading files needs the `files` feature. `docs/reference/inputs.md` tells
 //! users what is accepted and how it is read.
 
-mod between;
-pub mod chart;
 #[cfg(feature = "files")]
-pub mod ffmpeg;
+mod arrays;
 #[cfg(feature = "files")]
 pub mod fit;
-#[cfg(feature = "files")]
-pub mod folder;
 mod frame;
-#[cfg(feature = "files")]
-mod gaps;
-#[cfg(feature = "files")]
-pub mod motion;
-pub mod natural;
-#[cfg(feature = "files")]
-pub mod npy;
-#[cfg(feature = "files")]
-pub mod npz;
-mod objects;
+mod moving;
 #[cfg(feature = "files")]
 mod open;
 mod pace;
 #[cfg(feature = "files")]
-pub mod picture;
-#[cfg(feature = "files")]
-mod probe;
+mod pictures;
+mod rate;
 #[cfg(feature = "files")]
 mod scaled;
-#[cfg(feature = "files")]
-pub mod still;
 mod timeline;
 #[cfg(feature = "files")]
 mod times;
 mod transfer;
 #[cfg(feature = "files")]
-pub mod y4m;
-#[cfg(feature = "files")]
-mod yuv;
+mod video;
 
-pub use between::Between;
-pub use chart::Chart;
+#[cfg(feature = "files")]
+pub use arrays::{npy, npz};
 #[cfg(feature = "files")]
 pub use fit::Fit;
-#[cfg(feature = "files")]
-use frame::stored_size;
 pub use frame::{Frame, Samples, Source};
+pub use moving::between::Between;
+pub use moving::chart::{self, Chart};
 #[cfg(feature = "files")]
-pub use motion::Motion;
-pub use objects::Objects;
+pub use moving::motion::{self, Motion};
+pub use moving::objects::Objects;
 #[cfg(feature = "files")]
 pub use open::{Moving, Options, open, open_reader};
 pub use pace::{Pace, READOUTS_PER_FRAME};
-pub use timeline::{Insertion, Moment, Rate, Timeline};
+#[cfg(feature = "files")]
+pub use pictures::{folder, natural, picture, still};
+pub use rate::Rate;
+pub use timeline::{Insertion, Moment, Timeline};
 #[cfg(feature = "files")]
 pub use times::NAME as TIMES;
 pub use transfer::{Curve, LUMINANCE, Transfer, luminance, srgb_code};
+#[cfg(feature = "files")]
+pub use video::{ffmpeg, y4m};

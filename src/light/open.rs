@@ -3,16 +3,24 @@
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
+use super::fit::Fit;
+use super::frame::Source;
+use super::rate::Rate;
+use super::scaled::scaled;
+use super::transfer::Transfer;
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
-use crate::light::ffmpeg::Decoded;
-use crate::light::folder::Folder;
-use crate::light::npy::{self, Array};
-use crate::light::picture::Linear;
-use crate::light::scaled::scaled;
-use crate::light::still::Still;
-use crate::light::y4m::{self, Video};
-use crate::light::{Fit, Motion, Rate, Source, Transfer, npz, picture};
+use crate::light::arrays::npy;
+use crate::light::arrays::npy::Array;
+use crate::light::arrays::npz;
+use crate::light::moving::motion::Motion;
+use crate::light::pictures::folder::Folder;
+use crate::light::pictures::picture;
+use crate::light::pictures::picture::Linear;
+use crate::light::pictures::still::Still;
+use crate::light::video::ffmpeg::Decoded;
+use crate::light::video::y4m;
+use crate::light::video::y4m::Video;
 use crate::sensor::FrontEnd;
 use crate::spikes::Geometry;
 

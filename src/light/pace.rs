@@ -1,7 +1,9 @@
 //! How long the frames of a source last.
 
+use super::frame::Source;
+use super::rate::Rate;
+use super::timeline::{Insertion, Timeline};
 use crate::error::Result;
-use crate::light::{Insertion, Rate, Source, Timeline};
 
 /// Readouts of a frame of a source that states neither times nor a rate: a millisecond at 20 kHz, in which what moves
 /// by 1,000 pixels a second moves by one.

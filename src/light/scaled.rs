@@ -1,7 +1,9 @@
 //! Light in units of what a front end counts as full scale.
 
+use super::frame::{Frame, Samples, Source};
+use super::rate::Rate;
+use super::transfer::Transfer;
 use crate::error::Result;
-use crate::light::{Frame, Rate, Samples, Source, Transfer};
 use crate::sensor::{FrontEnd, FullScale};
 use crate::spikes::Geometry;
 

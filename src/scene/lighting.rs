@@ -7,6 +7,9 @@ use glam::Vec3;
 
 use super::random::Draws;
 
+/// Lamps further away than this light nothing.
+pub(super) const LAMP_REACH_M: f32 = 26.0;
+
 /// A time of day and weather.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Lighting {

@@ -1,8 +1,8 @@
 //! What an array is when it holds a stream: bits or pixels, how wide, and which axis counts readouts.
 
+use super::layout::Layout;
 use super::{Array, Axes, is_mapped, other_geometry};
 use crate::error::{Error, Kind, Result};
-use crate::formats::Layout;
 use crate::npy;
 use crate::spikes::Geometry;
 

@@ -2,7 +2,9 @@
 
 mod array;
 mod bits;
+pub(super) mod codec;
 mod dat;
+pub(super) mod layout;
 mod meaning;
 mod npy;
 mod npz;

@@ -3,6 +3,9 @@
 use crate::formats::{Codec, Layout};
 use crate::spikes::spread;
 
+/// Standard errors of a correlation of chance that one has to exceed.
+pub(super) const BEYOND_CHANCE: f64 = 6.0;
+
 /// Pairs of which a correlation is taken, about: its error of chance is then 0.002.
 const MOST_PAIRS: usize = 1 << 18;
 
@@ -168,7 +171,7 @@ impl Seams {
     pub(super) fn turned(&self) -> Option<f64> {
         let (here, other) = (self.ratio(self.here)?, self.ratio(self.other)?);
         let clear = here > 1.5 && other < 0.7 * here && other < (here + 1.0) / 2.0;
-        let chance = super::BEYOND_CHANCE * (self.seams as f64).sqrt();
+        let chance = BEYOND_CHANCE * (self.seams as f64).sqrt();
         let many = self.seams >= 32 && self.wins as f64 > chance.min(0.5 * self.seams as f64);
         (clear && many).then_some(other)
     }

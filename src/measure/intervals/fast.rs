@@ -13,11 +13,8 @@ use std::ops::Range;
 use wide::{i16x8, i32x8};
 
 use super::pixel::{CUMULATIVE, Pixel};
+use super::readouts::Table;
 use crate::kernels::{SHORTS, Shorts};
-
-/// A sum at each readout of the block. There is a place for every 16-bit time, so that none needs a check; those
-/// behind the block are never touched but for nothing.
-pub(super) type Table = [i32; 1 << 16];
 
 /// The largest span of times for lags up to `longest`.
 pub(super) fn span_limit(longest: u32) -> u32 {

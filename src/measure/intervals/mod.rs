@@ -19,8 +19,9 @@ use crate::kernels::{Bits, Places, SLACK, Shorts, WORDS, Work, counting_with};
 use crate::spikes::Geometry;
 use decode::{Histories, History};
 use lengths::Tally;
-use pixel::{Pixel, REFERENCE};
+use pixel::Pixel;
 pub(super) use readouts::DeviationSum;
+use readouts::REFERENCE;
 use readouts::Readouts;
 
 pub use lengths::Lengths;

@@ -1,9 +1,6 @@
 //! What is kept of one pixel, and the path that takes any pixel.
 
-use super::readouts::Readouts;
-
-/// Intervals that make a pixel's reference: its first ones.
-pub(super) const REFERENCE: usize = 16;
+use super::readouts::{REFERENCE, Readouts};
 
 /// Fences at whole readouts around the reference, from 3 below to 2 above.
 pub(super) const CUMULATIVE: usize = 6;

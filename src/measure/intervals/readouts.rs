@@ -1,8 +1,13 @@
 //! The readouts of a block as the pixels' intervals see them.
 
 use super::super::block::CAPACITY;
-use super::fast;
-use super::pixel::REFERENCE;
+
+/// Intervals that make a pixel's reference: its first ones.
+pub(super) const REFERENCE: usize = 16;
+
+/// A sum at each readout of the block. There is a place for every 16-bit time, so that none needs a check; those
+/// behind the block are never touched but for nothing.
+pub(super) type Table = [i32; 1 << 16];
 
 /// The sum of the deviations of the intervals that end at one readout.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,7 +30,7 @@ const _: () = assert!(MOST as u64 * LARGEST_REFERENCE as u64 <= i32::MAX as u64)
 pub(super) struct Readouts {
     start: u32,
     /// Deviations of [`MOST`] pixels at most.
-    pub(super) table: Box<fast::Table>,
+    pub(super) table: Box<Table>,
     deviation: [i64; CAPACITY],
     pub(super) spikes: [u32; CAPACITY],
     /// Spikes without a reference to deviate from.

@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use super::super::estimate::{Estimate, median};
-use super::pixel::{CUMULATIVE, Pixel, REFERENCE};
+use super::pixel::{CUMULATIVE, Pixel};
+use super::readouts::REFERENCE;
 use super::{DeviationSum, Lengths, Snapshot};
 use crate::spikes::Geometry;
 

@@ -2,12 +2,13 @@
 
 use glam::{Vec2, Vec3};
 
-use super::super::facade::{Facade, Wall};
-use super::super::material::Material;
-use super::super::mesh::Mesh;
-use super::super::random::Draws;
+use super::district::District;
+use super::facade::{Facade, Wall};
 use super::ground::{SIDE_PAVEMENT_M, SIDE_REACH_M, SideFrame};
-use super::{City, District, KERB_M, uv_rect};
+use super::standing::{City, KERB_M, uv_rect};
+use crate::scene::random::Draws;
+use crate::scene::shapes::material::Material;
+use crate::scene::shapes::mesh::Mesh;
 
 /// The four corners of a house on the ground: front from left to right as
 /// seen from the street is 0 to 1, the back corners are 2 behind 1 and 3 behind 0.

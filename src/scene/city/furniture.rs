@@ -2,11 +2,12 @@
 
 use glam::{Vec2, Vec3};
 
-use super::super::material::Material;
-use super::super::mesh::Mesh;
-use super::super::random::Draws;
-use super::super::road::Road;
-use super::{City, District, KERB_M, Lamp, uv_rect};
+use super::district::District;
+use super::standing::{City, KERB_M, Lamp, uv_rect};
+use crate::scene::drive::road::Road;
+use crate::scene::random::Draws;
+use crate::scene::shapes::material::Material;
+use crate::scene::shapes::mesh::Mesh;
 
 /// Height of a lamp's face above the pavement.
 const LAMP_M: f64 = 7.6;

@@ -2,10 +2,10 @@
 
 use glam::{Vec2, Vec3};
 
-use super::super::material::Material;
-use super::super::mesh::Mesh;
-use super::super::road::Road;
-use super::{City, KERB_M};
+use super::standing::{City, KERB_M, uv_rect};
+use crate::scene::drive::road::Road;
+use crate::scene::shapes::material::Material;
+use crate::scene::shapes::mesh::Mesh;
 
 /// Length of one slice; a bend of 150 m radius leaves its chord by 13 mm.
 const SLICE_M: f64 = 4.0;
@@ -246,7 +246,7 @@ fn tunnel(road: &Road, mesh: &mut Mesh, a: f64, b: f64) {
 }
 
 fn uv_unit() -> [Vec2; 4] {
-    super::uv_rect(1.0, 1.0)
+    uv_rect(1.0, 1.0)
 }
 
 /// The hill's retaining wall around the opening, and the slab over the vault.
@@ -256,10 +256,10 @@ fn portal(road: &Road, mesh: &mut Mesh, s: f64, way: f64, wall: f64) {
     let out = Vec3::new(t.x as f32, t.y as f32, 0.0);
     let mut panel = |d0: f64, d1: f64, z0: f64, z1: f64| {
         let p = [road.place(s, d0, z0), road.place(s, d1, z0), road.place(s, d1, z1), road.place(s, d0, z1)];
-        mesh.quad(p, super::uv_rect((d1 - d0) as f32, (z1 - z0) as f32), out);
+        mesh.quad(p, uv_rect((d1 - d0) as f32, (z1 - z0) as f32), out);
         // Its back, so that sun and sky do not enter from behind.
         let back = p.map(|p| p - out * 0.6);
-        mesh.quad(back, super::uv_rect(1.0, 1.0), -out);
+        mesh.quad(back, uv_rect(1.0, 1.0), -out);
     };
     panel(-wall - 22.0, -wall, 0.0, 9.0);
     panel(wall, wall + 22.0, 0.0, 9.0);

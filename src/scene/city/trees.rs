@@ -2,10 +2,11 @@
 
 use glam::{Vec2, Vec3};
 
-use super::super::material::Material;
-use super::super::mesh::Mesh;
-use super::super::random::Draws;
-use super::{City, District, KERB_M};
+use super::district::District;
+use super::standing::{City, KERB_M};
+use crate::scene::random::Draws;
+use crate::scene::shapes::material::Material;
+use crate::scene::shapes::mesh::Mesh;
 
 /// Leaf clusters in one crown; each is a four-sided tuft.
 const TUFTS: u64 = 360;

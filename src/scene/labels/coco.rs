@@ -2,9 +2,9 @@
 
 use serde_json::{Value, json};
 
-use super::super::boxes::VehicleBox;
-use super::super::material::Semantic;
-use super::super::render::Labels;
+use crate::scene::drawing::render::Labels;
+use crate::scene::shapes::material::Semantic;
+use crate::scene::truth::boxes::VehicleBox;
 
 /// Collects the annotations of many images into one file.
 #[derive(Clone, Debug, Default)]
@@ -76,7 +76,7 @@ fn runs(labels: &Labels, id: u32) -> Vec<u32> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::render::Labels;
+    use crate::scene::drawing::render::Labels;
 
     #[test]
     fn runs_go_down_the_columns_and_start_with_zeros() {

@@ -2,9 +2,9 @@
 //! little-endian `f32` (Baker et al., IJCV 92, 2011). Unknown flow is 1e10;
 //! this project knows all of it, occluded pixels included.
 
-use super::super::flow::Flow;
 use super::expect_len;
 use crate::error::Result;
+use crate::scene::truth::flow::Flow;
 
 /// The bytes of a `.flo` file.
 ///
@@ -24,7 +24,7 @@ pub fn flo(flow: &Flow) -> Result<Vec<u8>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::flow::Flow;
+    use crate::scene::truth::flow::Flow;
 
     #[test]
     fn the_tag_spells_pieh() {

@@ -5,10 +5,10 @@ use std::fmt::Write;
 
 use image::ExtendedColorType;
 
-use super::super::boxes::VehicleBox;
-use super::super::flow::Flow;
 use super::{expect_len, png};
 use crate::error::Result;
+use crate::scene::truth::boxes::VehicleBox;
+use crate::scene::truth::flow::Flow;
 
 /// 16-bit samples in the machine's order, as the encoder wants them.
 fn words(values: impl Iterator<Item = u16>) -> Vec<u8> {
@@ -90,7 +90,7 @@ pub fn kitti_text(boxes: &[VehicleBox], min_pixels: u32) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::flow::Flow;
+    use crate::scene::truth::flow::Flow;
 
     #[test]
     fn flow_comes_back_within_half_a_step() {

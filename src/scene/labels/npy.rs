@@ -1,9 +1,9 @@
 //! NumPy arrays, version 1.0, little-endian, C order.
 
-use super::super::flow::Flow;
-use super::super::render::Labels;
 use crate::error::Result;
 use crate::npy::{self, Element};
+use crate::scene::drawing::render::Labels;
+use crate::scene::truth::flow::Flow;
 
 fn array<const N: usize>(
     element: Element,

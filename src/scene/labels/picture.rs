@@ -2,12 +2,12 @@
 
 use image::ExtendedColorType;
 
-use super::super::boxes::VehicleBox;
-use super::super::flow::Flow;
-use super::super::material::Semantic;
-use super::super::render::{Labels, Rendered};
 use super::{expect_len, png};
 use crate::error::Result;
+use crate::scene::drawing::render::{Labels, Rendered};
+use crate::scene::shapes::material::Semantic;
+use crate::scene::truth::boxes::VehicleBox;
+use crate::scene::truth::flow::Flow;
 
 fn picture(pixels: Vec<[u8; 3]>, width: usize, height: usize) -> Result<Vec<u8>> {
     expect_len("picture", pixels.len(), width * height)?;

@@ -1,0 +1,49 @@
+//! The files that a run writes.
+
+use std::path::{Path, PathBuf};
+
+use crate::cli::shared::stem::Stem;
+use crate::{Error, Kind, Result};
+
+/// The names that come out of a stem.
+pub struct Names {
+    pub noisy: PathBuf,
+    pub clean: PathBuf,
+    pub sidecar: PathBuf,
+    pub picture: PathBuf,
+    pub camera: PathBuf,
+    pub images: PathBuf,
+}
+
+impl Names {
+    pub fn new(stem: &Stem) -> Self {
+        let name = |ending: &str| stem.with(ending);
+        let data = stem.layout.default_extension();
+        Self {
+            noisy: name(&format!(".{data}")),
+            clean: name(&format!(".clean.{data}")),
+            sidecar: name(".json"),
+            picture: name(".png"),
+            camera: name(".camera"),
+            images: name(".images"),
+        }
+    }
+
+    /// The files of a run with or without a clean twin.
+    pub fn files(&self, clean: bool) -> Vec<&Path> {
+        let all = [(&self.noisy, true), (&self.clean, clean), (&self.sidecar, true), (&self.picture, true)];
+        all.into_iter().filter(|(_, wanted)| *wanted).map(|(path, _)| path.as_path()).collect()
+    }
+
+    pub fn refuse_existing(&self, clean: bool, images: bool) -> Result<()> {
+        let images = images.then_some(self.images.as_path());
+        let taken = self.files(clean).into_iter().chain(images).find(|path| path.symlink_metadata().is_ok());
+        match taken {
+            None => Ok(()),
+            Some(path) => Err(Error::new(Kind::Exists, path.display())
+                .found("a file of that name")
+                .expected("a free name")
+                .remedy("choose another --output, or allow overwriting with --force")),
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! `spikelane diagnose`: what a camera has that its model lacks.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use crate::calibrate::RecordingSet;
+use crate::diagnose::{
+    Diagnosis, Extent, Options, Part, Reference, Setup, Verdict, diagnose, page, published,
+};
+use crate::error::{Error, Kind, Result};
+use crate::presets;
+use crate::simulate::save_camera;
+use crate::storage::{refuse_existing, write_small};
+use clap::Args as ClapArgs;
+use serde_json::{Value, json};
+
+use crate::cli::shared::output::Out;
+use crate::cli::shared::progress::Files;
+use crate::cli::shared::stream::warn_of_set;
+
+/// Find what the model of a camera lacks, name it, and add it.
+#[derive(Debug, ClapArgs)]
+pub struct Args {
+    /// The recording set (TOML).
+    recordings: PathBuf,
+    /// The model to start from, a preset or camera file; without one the published model is calibrated.
+    #[arg(long)]
+    camera: Option<String>,
+    /// A second set of the same scenes, which judges what the first one names.
+    #[arg(long)]
+    holdout: Option<PathBuf>,
+    /// Seed of the simulations: the same seed gives the same diagnosis.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Judge all readouts of large recordings, however long that takes: as a rule only the first 35 million
+    /// pixel-readouts of each are, but 1,250 readouts and five half periods of a square wave at least.
+    #[arg(long)]
+    everything: bool,
+    /// Only print how strong each effect must be before this set can name it.
+    #[arg(long)]
+    nameable: bool,
+    /// Folder for diagnosis.json, camera.toml and report.html.
+    #[arg(short, long, value_name = "DIR", default_value = "diagnosis")]
+    output: PathBuf,
+    /// Replace existing files.
+    #[arg(long)]
+    force: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// When a set is bad, or a file cannot be written.
+pub fn run(args: &Args, out: &Out) -> Result<()> {
+    if !args.nameable {
+        refuse_existing(&args.output, &["diagnosis.json", "report.html", "camera.toml"], args.force)?;
+    }
+    let set = RecordingSet::open(&args.recordings)?;
+    let holdout = args.holdout.as_deref().map(RecordingSet::open).transpose()?;
+    [Some(&set), holdout.as_ref()].into_iter().flatten().try_for_each(|set| warn_of_set(set, out))?;
+    let camera = args.camera.as_deref().map(presets::load).transpose()?;
+    let extent = if args.everything { Extent::Everything } else { Extent::Enough };
+    let mut bar = Files::new(out);
+    let mut progress = |what: &str, share: f64| bar.step(what, share);
+    if args.nameable {
+        let part = if holdout.is_some() { Part::Whole } else { Part::First };
+        let setup = Setup::of(&set, part, extent)?;
+        let camera = camera.map_or_else(|| published(&setup), Ok)?;
+        let reference = Reference::new(setup, camera, args.seed, &mut progress)?;
+        drop(bar);
+        let (mut text, mut rows) = (String::new(), Vec::new());
+        for n in reference.nameable() {
+            let _ = writeln!(
+                text,
+                "{:<24} {} {:.3e}   most like {} ({:+.2})",
+                n.name, n.key, n.strength, n.nearest, n.alike
+            );
+            rows.push(json!({"name": n.name, "parameter": n.key, "strength": n.strength,
+                "nearest": n.nearest, "cosine": n.alike}));
+        }
+        return out.result(&json!({"event": "done", "nameable": rows}), &text);
+    }
+    let options = Options { camera: camera.as_ref(), seed: args.seed, extent, ..Options::default() };
+    let found = diagnose(&set, holdout.as_ref(), options, &mut progress)?;
+    drop(bar);
+    let mut result = write(&found, args)?;
+    result["event"] = json!("done");
+    out.result(&result, &told(&found, args))
+}
+
+/// Writes the files; returns the diagnosis as JSON.
+fn write(found: &Diagnosis, args: &Args) -> Result<Value> {
+    std::fs::create_dir_all(&args.output).map_err(|e| Error::io(args.output.display(), e))?;
+    let value = serde_json::to_value(found).map_err(|e| Error::new(Kind::Config, "diagnosis").found(e))?;
+    write_small(&args.output.join("diagnosis.json"), format!("{value:#}\n").as_bytes(), args.force)?;
+    write_small(&args.output.join("report.html"), page(found)?.as_bytes(), args.force)?;
+    save_camera(&found.camera, &args.output, args.force)?;
+    Ok(value)
+}
+
+fn told(found: &Diagnosis, args: &Args) -> String {
+    let verdict = match found.verdict {
+        Verdict::Agrees => "agrees",
+        Verdict::Explained => "explained",
+        Verdict::PartlyExplained => "partly explained",
+        Verdict::Unknown => "unknown",
+    };
+    let mut text = format!("{verdict} ({:.1} s)\n", found.seconds);
+    for effect in &found.effects {
+        let ties = if effect.tied_with.is_empty() {
+            String::new()
+        } else {
+            format!(", or {}", effect.tied_with.join(", "))
+        };
+        let _ = writeln!(text, "{}{}{ties}", if effect.resembles { "resembles " } else { "" }, effect.name);
+        for p in &effect.parameters {
+            let _ = writeln!(text, "  {} {:.5} ({:.5} to {:.5})", p.name, p.value, p.low, p.high);
+        }
+    }
+    for m in &found.misfits {
+        let _ = writeln!(
+            text,
+            "misfit {}: {:.5} ({:.5} to {:.5}), the model has {:.5}",
+            m.parameter, m.fitted, m.low, m.high, m.model
+        );
+    }
+    for u in &found.unknown {
+        let _ = writeln!(text, "left: {} ({:+.1} standard deviations)", u.r#where, u.z);
+    }
+    let _ = writeln!(text, "{}", args.output.join("report.html").display());
+    text
+}

@@ -1,0 +1,8 @@
+//! Commands that learn a sensor from its recordings.
+
+pub(super) mod calibrate;
+pub(super) mod compare;
+pub(super) mod diagnose;
+pub(super) mod measure;
+pub(super) mod record;
+pub(super) mod template;

@@ -1,0 +1,7 @@
+//! Commands that read streams.
+
+pub(super) mod convert;
+pub(super) mod evaluate;
+pub(super) mod inspect;
+pub(super) mod reconstruct;
+pub(super) mod verify;

@@ -1,0 +1,88 @@
+//! Where pictures go: one file, a folder, a video.
+
+use std::path::PathBuf;
+
+use crate::cli::shared::picture::{grey, png};
+use crate::cli::shared::video::Video;
+use crate::{Error, Geometry, Kind, Result, storage};
+
+/// Where pictures go.
+pub(super) trait Sink {
+    fn put(&mut self, at: usize, values: &[f32]) -> Result<()>;
+    fn finish(self: Box<Self>) -> Result<()>;
+}
+
+/// How values become grey levels.
+#[derive(Clone, Copy)]
+pub(super) struct Shown {
+    pub white: f32,
+    pub geometry: Geometry,
+}
+
+impl Shown {
+    fn image(&self, values: &[f32]) -> image::GrayImage {
+        grey(values, self.white, self.geometry)
+    }
+}
+
+pub(super) struct One {
+    pub path: PathBuf,
+    pub force: bool,
+    pub shown: Shown,
+}
+
+impl Sink for One {
+    fn put(&mut self, _: usize, values: &[f32]) -> Result<()> {
+        storage::write_small(&self.path, &png(&self.shown.image(values))?, self.force)
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(())
+    }
+}
+
+pub(super) struct Film {
+    pub video: Video,
+    pub shown: Shown,
+}
+
+impl Sink for Film {
+    fn put(&mut self, _: usize, values: &[f32]) -> Result<()> {
+        self.video.push(self.shown.image(values).as_raw())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        self.video.finish()
+    }
+}
+
+pub(super) struct Folder {
+    path: PathBuf,
+    force: bool,
+    shown: Shown,
+}
+
+impl Folder {
+    pub fn new(path: PathBuf, force: bool, shown: Shown) -> Result<Self> {
+        std::fs::create_dir_all(&path).map_err(|e| Error::io(path.display(), e))?;
+        let mut entries = std::fs::read_dir(&path).map_err(|e| Error::io(path.display(), e))?;
+        if !force && entries.next().is_some() {
+            return Err(Error::new(Kind::Exists, path.display())
+                .found("a folder that is not empty")
+                .expected("an empty or new folder")
+                .remedy("choose another folder, or allow overwriting with --force"));
+        }
+        Ok(Self { path, force, shown })
+    }
+}
+
+impl Sink for Folder {
+    fn put(&mut self, at: usize, values: &[f32]) -> Result<()> {
+        let path = self.path.join(format!("{at:09}.png"));
+        storage::write_small(&path, &png(&self.shown.image(values))?, self.force)
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(())
+    }
+}

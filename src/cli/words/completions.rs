@@ -1,0 +1,18 @@
+//! `spikelane completions`.
+
+use crate::Result;
+use clap_complete::{Shell, generate};
+
+use crate::cli::shared::output::Out;
+
+/// Print completions for a shell
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    shell: Shell,
+}
+
+pub fn run(args: &Args, mut command: clap::Command, out: &Out) -> Result<()> {
+    let mut text = Vec::new();
+    generate(args.shell, &mut command, "spikelane", &mut text);
+    out.bytes(&text)
+}

@@ -1,0 +1,166 @@
+//! What light a dataset is made of, and whose folders and codes it has.
+
+use std::path::PathBuf;
+
+use serde_json::{Value, json};
+
+use crate::error::{Error, Kind};
+use crate::light::{Fit, Insertion, Transfer};
+use crate::scene::{Lighting, Samples};
+
+/// Which loaders find their folders.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Structure {
+    /// `SPLIT/spike/ID.dat`, `SPLIT/gt/ID.png` and SpikeCV's `config.yaml`.
+    #[default]
+    SpikeCv,
+    /// `SPLIT/spike/ID.dat` and `SPLIT/gt/ID.png`, as Spike-Zoo's base dataset.
+    SpikeZoo,
+}
+
+impl Structure {
+    /// The name in arguments and manifests.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::SpikeCv => "spikecv",
+            Self::SpikeZoo => "spike-zoo",
+        }
+    }
+}
+
+impl std::str::FromStr for Structure {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Self, Error> {
+        [Self::SpikeCv, Self::SpikeZoo].into_iter().find(|l| l.name() == name).ok_or_else(|| {
+            Error::new(Kind::Usage, "dataset structure")
+                .found(format_args!("`{name}`"))
+                .expected("spikecv or spike-zoo")
+        })
+    }
+}
+
+/// Random driving scenes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drives {
+    /// Number of scenes.
+    pub sequences: u32,
+    /// Clear images of each.
+    pub images: u32,
+    /// Readouts from one image to the next; light follows every readout.
+    pub readouts_per_image: u32,
+    /// Images from one labelled image to the next; 0 for no labels.
+    pub label_every: u32,
+    /// The light, or one drawn by each scene's seed.
+    pub lighting: Option<Lighting>,
+    /// Lamp flicker in hertz.
+    pub flicker_hz: Option<f64>,
+    /// Vehicles, or as many as the seed says.
+    pub vehicles: Option<u32>,
+    /// Wished speed in km/h, or what the seed says.
+    pub speed_kmh: Option<f64>,
+    /// Luminance of full scale in cd/m2 for all scenes, or each scene's own white.
+    pub white_cd_m2: Option<f32>,
+    /// Colour samples of a pixel.
+    pub samples: Samples,
+    /// Also the clear images as linear `f32`.
+    pub npy: bool,
+    /// Also depth and flow as KITTI's 16-bit PNGs.
+    pub kitti: bool,
+    /// Also the light of labelled images in colour, as EXR.
+    pub exr: bool,
+}
+
+impl Drives {
+    /// Names of datasets that are known.
+    pub const PRESETS: [&'static str; 2] = ["rhdd", "tiny"];
+
+    /// The dataset of that name.
+    #[must_use]
+    pub fn preset(name: &str) -> Option<Self> {
+        match name {
+            "rhdd" => Some(Self::rhdd()),
+            "tiny" => Some(Self::tiny()),
+            _ => None,
+        }
+    }
+
+    /// Two scenes of 40 images, for a first try.
+    #[must_use]
+    pub fn tiny() -> Self {
+        Self { sequences: 2, images: 40, label_every: 20, ..Self::rhdd() }
+    }
+
+    /// The dataset of the SCSim paper: 30 scenes of 500 images, one readout per image.
+    #[must_use]
+    pub const fn rhdd() -> Self {
+        Self {
+            sequences: 30,
+            images: 500,
+            readouts_per_image: 1,
+            label_every: 25,
+            lighting: None,
+            flicker_hz: None,
+            vehicles: None,
+            speed_kmh: None,
+            white_cd_m2: None,
+            samples: Samples::Four,
+            npy: false,
+            kitti: false,
+            exr: false,
+        }
+    }
+
+    /// Readouts of one sequence.
+    #[must_use]
+    pub fn readouts(&self) -> u64 {
+        u64::from(self.images) * u64::from(self.readouts_per_image)
+    }
+}
+
+/// Videos and image folders below a folder.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Inputs {
+    /// Where they lie.
+    pub folder: PathBuf,
+    /// Readouts of every frame; `None` as its times or rate say, see [`crate::light::Pace`].
+    pub readouts_per_frame: Option<u64>,
+    /// Light between frames.
+    pub insertion: Insertion,
+    /// How frames come to the camera's size.
+    pub fit: Fit,
+    /// Declared transfer function.
+    pub transfer: Option<Transfer>,
+}
+
+/// Where the light of a dataset comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Work {
+    /// Driving scenes.
+    Drives(Drives),
+    /// Given pictures.
+    Inputs(Inputs),
+}
+
+impl Structure {
+    /// The rate, in spikes per pixel and readout, for which code 255 of the ground truth stands.
+    ///
+    /// Spike-Zoo divides reconstructed rates by the `rate` of its configuration, 0.6 by default, before it
+    /// compares them with code / 255. SpikeCV's pictures are 255 times the rate, and its PSNR compares codes.
+    #[must_use]
+    pub const fn rate_at_255(self) -> f64 {
+        match self {
+            Self::SpikeCv => 1.0,
+            Self::SpikeZoo => 0.6,
+        }
+    }
+}
+
+/// What codes stand for, for manifests and records.
+pub(super) fn ground_truth(structure: Structure) -> Value {
+    json!({
+        "file": "gt.png", "transfer": "linear", "rate_at_255": structure.rate_at_255(),
+        "readout": "floor(readouts / 2), counted from 0",
+    })
+}

@@ -1,0 +1,5 @@
+//! Arrays of NumPy as light.
+
+pub mod npy;
+pub(super) mod npy_reader;
+pub mod npz;

@@ -1,0 +1,7 @@
+//! Video: y4m as it comes, everything else through ffmpeg.
+
+pub mod ffmpeg;
+pub(super) mod probe;
+pub mod y4m;
+pub(super) mod y4m_reader;
+pub(super) mod yuv;

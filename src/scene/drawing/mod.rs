@@ -1,0 +1,9 @@
+//! From an instant of the scene to light at every pixel.
+
+pub(super) mod fragment;
+pub(super) mod frame;
+pub(super) mod parallel;
+pub(super) mod raster;
+pub(super) mod render;
+pub(super) mod shade;
+pub(super) mod texture;

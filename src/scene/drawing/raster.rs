@@ -1,0 +1,289 @@
+//! Triangles to sample rows: a visibility buffer filled scan line by scan line.
+//!
+//! A pixel's samples stand one to a row, each at its own offset (n rooks), so
+//! that nearly horizontal and nearly vertical edges both pass through all the
+//! levels. The label's sample is one more row through the pixel's centre. A
+//! row of samples is then a plain span of memory, whose depth test the
+//! compiler turns into lanes.
+
+use glam::Vec3;
+
+use super::frame::Frame;
+use crate::scene::shapes::mesh::TRIANGLE_BITS;
+
+/// No triangle.
+pub(in crate::scene) const NOTHING: u32 = u32::MAX;
+/// Rows of pixels that are rasterised together.
+pub(in crate::scene) const BAND_ROWS: usize = 16;
+/// Nothing is drawn closer to the camera than this.
+pub(in crate::scene) const NEAR_M: f32 = 0.15;
+
+/// Offsets of the samples within a pixel, ascending in y; one is the centre.
+#[derive(Clone, Debug)]
+pub(in crate::scene) struct Pattern {
+    pub offsets: Vec<(f32, f32)>,
+    /// Index of the centre sample, which does not count as light.
+    pub centre: usize,
+}
+
+impl Pattern {
+    /// `count` colour samples (0, 4 or 16) and the centre.
+    pub fn new(count: usize) -> Self {
+        let n = count as f32;
+        // Multiplying by a number coprime to the count scatters the columns.
+        let (times, plus) = if count == 4 { (2.0, 1.0) } else { (7.0, 3.0) };
+        let mut offsets: Vec<(f32, f32)> = (0..count)
+            .map(|i| {
+                let i = i as f32;
+                let column =
+                    if count == 4 { [1.0, 3.0, 0.0, 2.0][i as usize] } else { (i * times + plus) % n };
+                ((column + 0.5) / n, (i + 0.5) / n)
+            })
+            .collect();
+        offsets.insert(count / 2, (0.5, 0.5));
+        Self { offsets, centre: count / 2 }
+    }
+
+    /// Rows of samples in a row of pixels.
+    pub fn rows(&self) -> usize {
+        self.offsets.len()
+    }
+}
+
+/// A projected triangle: corners in pixels from top to bottom, depth as a plane.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::scene) struct Flat {
+    x: [f32; 3],
+    y: [f32; 3],
+    /// 1 / depth at the first corner, and its change per pixel.
+    inverse: f32,
+    slope: (f32, f32),
+    /// The nearest corner; a sliver's plane must not leap in front of it.
+    nearest: f32,
+    id: u32,
+}
+
+/// What a batch of triangles covers.
+#[derive(Debug, Default)]
+pub(in crate::scene) struct Batch {
+    flats: Vec<Flat>,
+    low: f32,
+    high: f32,
+}
+
+/// The chunks that may be in view, as (part, chunk), city first.
+pub(in crate::scene) fn visible_chunks(frame: &Frame) -> Vec<(usize, usize)> {
+    let i = &frame.camera.intrinsics;
+    let f = i.focal_px as f32;
+    let side = |reach: f32| (reach, (f * f + reach * reach).sqrt());
+    let (left, right) = (side(i.centre_px[0] as f32), side((f64::from(i.width) - i.centre_px[0]) as f32));
+    let (up, down) = (side(i.centre_px[1] as f32), side((f64::from(i.height) - i.centre_px[1]) as f32));
+    let mut list = Vec::new();
+    for (p, part) in frame.parts.iter().enumerate().filter(|(_, p)| !p.hidden) {
+        for (k, chunk) in part.mesh.chunks.iter().enumerate() {
+            let c = part.to_camera(chunk.centre);
+            let out = |along: f32, (reach, norm): (f32, f32)| (f * along - reach * c.z) / norm > chunk.radius;
+            let away =
+                c.z < -chunk.radius || out(-c.x, left) || out(c.x, right) || out(-c.y, up) || out(c.y, down);
+            if !away {
+                list.push((p, k));
+            }
+        }
+    }
+    list
+}
+
+/// Projects one chunk.
+pub(in crate::scene) fn project(frame: &Frame, part: usize, chunk: usize) -> Batch {
+    let body = &frame.parts[part];
+    let chunk = &body.mesh.chunks[chunk];
+    let first = chunk.vertices.start;
+    let points: Vec<Vec3> = body.mesh.vertices[chunk.vertices.start as usize..chunk.vertices.end as usize]
+        .iter()
+        .map(|v| body.to_camera(v.position))
+        .collect();
+    let mut setup = Setup::new(frame);
+    for t in chunk.triangles.clone() {
+        let corners = body.mesh.triangles[t as usize].map(|v| points[(v - first) as usize]);
+        let double = body.mesh.surface(t as usize).double_sided;
+        setup.add(corners, double, (part as u32) << TRIANGLE_BITS | t);
+    }
+    setup.batch
+}
+
+struct Setup {
+    focal: f32,
+    centre: (f32, f32),
+    size: (f32, f32),
+    batch: Batch,
+}
+
+impl Setup {
+    fn new(frame: &Frame) -> Self {
+        let i = &frame.camera.intrinsics;
+        Self {
+            focal: i.focal_px as f32,
+            centre: (i.centre_px[0] as f32, i.centre_px[1] as f32),
+            size: (i.width as f32, i.height as f32),
+            batch: Batch { flats: Vec::new(), low: f32::MAX, high: f32::MIN },
+        }
+    }
+
+    /// Clips at the near plane and keeps what remains.
+    fn add(&mut self, c: [Vec3; 3], double_sided: bool, id: u32) {
+        if c.iter().all(|p| p.z >= NEAR_M) {
+            return self.keep(c, double_sided, id);
+        }
+        let mut kept: Vec<Vec3> = Vec::with_capacity(4);
+        for k in 0..3 {
+            let (a, b) = (c[k], c[(k + 1) % 3]);
+            if a.z >= NEAR_M {
+                kept.push(a);
+            }
+            if (a.z >= NEAR_M) != (b.z >= NEAR_M) {
+                // From the far end always, so that neighbours cut alike.
+                let (far, near) = if a.z > b.z { (a, b) } else { (b, a) };
+                kept.push(far + (near - far) * ((far.z - NEAR_M) / (far.z - near.z)));
+            }
+        }
+        for k in 2..kept.len() {
+            self.keep([kept[0], kept[k - 1], kept[k]], double_sided, id);
+        }
+    }
+
+    fn keep(&mut self, c: [Vec3; 3], double_sided: bool, id: u32) {
+        let inverse = c.map(|p| 1.0 / p.z);
+        let at = |k: usize| {
+            (
+                self.focal * c[k].x * inverse[k] + self.centre.0,
+                self.focal * c[k].y * inverse[k] + self.centre.1,
+            )
+        };
+        let p = [at(0), at(1), at(2)];
+        let low = p[0].1.min(p[1].1).min(p[2].1);
+        let high = p[0].1.max(p[1].1).max(p[2].1);
+        let (left, right) = (p[0].0.min(p[1].0).min(p[2].0), p[0].0.max(p[1].0).max(p[2].0));
+        if high < 0.0 || low > self.size.1 || right < 0.0 || left > self.size.0 {
+            return;
+        }
+        let (ax, ay) = (p[1].0 - p[0].0, p[1].1 - p[0].1);
+        let (bx, by) = (p[2].0 - p[0].0, p[2].1 - p[0].1);
+        let area = ax * by - bx * ay;
+        // Counter-clockwise from outside is negative where y points down.
+        if area == 0.0 || !area.is_finite() || (area > 0.0 && !double_sided) {
+            return;
+        }
+        let (az, bz) = (inverse[1] - inverse[0], inverse[2] - inverse[0]);
+        let slope = ((az * by - bz * ay) / area, (bz * ax - az * bx) / area);
+        let mut order = [0, 1, 2];
+        order.sort_unstable_by(|&i, &j| p[i].1.total_cmp(&p[j].1).then(p[i].0.total_cmp(&p[j].0)));
+        let [i, j, k] = order;
+        self.batch.low = self.batch.low.min(low);
+        self.batch.high = self.batch.high.max(high);
+        self.batch.flats.push(Flat {
+            x: [p[i].0, p[j].0, p[k].0],
+            y: [p[i].1, p[j].1, p[k].1],
+            inverse: inverse[i],
+            slope,
+            nearest: inverse[0].max(inverse[1]).max(inverse[2]),
+            id,
+        });
+    }
+}
+
+/// The samples of a band of pixel rows.
+#[derive(Debug)]
+pub(in crate::scene) struct Band {
+    width: usize,
+    samples: usize,
+    inverse: Vec<f32>,
+    ids: Vec<u32>,
+}
+
+impl Band {
+    /// Rasterises all that reaches into the pixel rows `top .. top + rows`.
+    pub fn fill(batches: &[Batch], pattern: &Pattern, width: usize, top: usize, rows: usize) -> Self {
+        let count = width * rows * pattern.rows();
+        let mut band =
+            Self { width, samples: pattern.rows(), inverse: vec![0.0; count], ids: vec![NOTHING; count] };
+        let (low, high) = (top as f32, (top + rows) as f32);
+        for batch in batches.iter().filter(|b| b.low < high && b.high > low) {
+            for flat in &batch.flats {
+                if flat.y[0] < high && flat.y[2] > low {
+                    band.draw(flat, pattern, top, rows);
+                }
+            }
+        }
+        band
+    }
+
+    fn draw(&mut self, flat: &Flat, pattern: &Pattern, top: usize, rows: usize) {
+        let first = (flat.y[0] as usize).max(top);
+        let last = (flat.y[2] as usize).min(top + rows - 1);
+        let [long, upper, lower] =
+            [(0, 2), (0, 1), (1, 2)].map(|(a, b)| (flat.x[b] - flat.x[a]) / (flat.y[b] - flat.y[a]));
+        for row in first..=last {
+            for (k, &(dx, dy)) in pattern.offsets.iter().enumerate() {
+                let y = row as f32 + dy;
+                // Half-open in both directions: an edge belongs to one neighbour only.
+                if y < flat.y[0] || y >= flat.y[2] {
+                    continue;
+                }
+                let a = flat.x[0] + (y - flat.y[0]) * long;
+                let b = if y < flat.y[1] {
+                    flat.x[0] + (y - flat.y[0]) * upper
+                } else {
+                    flat.x[1] + (y - flat.y[1]) * lower
+                };
+                let (left, right) = (a.min(b), a.max(b));
+                let from = (left - dx).ceil().max(0.0) as usize;
+                let to = ((right - dx).ceil().max(0.0) as usize).min(self.width);
+                if from < to {
+                    let x = from as f32 + dx - flat.x[0];
+                    let start = flat.inverse + flat.slope.0 * x + flat.slope.1 * (y - flat.y[0]);
+                    let line = ((row - top) * self.samples + k) * self.width;
+                    let range = line + from..line + to;
+                    span(&mut self.inverse[range.clone()], &mut self.ids[range], start, flat);
+                }
+            }
+        }
+    }
+
+    /// Samples that show anything.
+    pub fn covered(&self) -> u32 {
+        self.ids.iter().filter(|&&id| id != NOTHING).count() as u32
+    }
+
+    /// The triangle at sample `k` of a pixel.
+    pub fn id(&self, row: usize, column: usize, k: usize) -> u32 {
+        self.ids[(row * self.samples + k) * self.width + column]
+    }
+}
+
+/// The depth test along a row; larger inverse depth is nearer.
+fn span(inverse: &mut [f32], ids: &mut [u32], start: f32, flat: &Flat) {
+    let (slope, nearest, id) = (flat.slope.0, flat.nearest, flat.id);
+    for (i, (z, name)) in inverse.iter_mut().zip(ids).enumerate() {
+        let here = (start + slope * i as f32).min(nearest);
+        let nearer = here > *z;
+        *z = if nearer { here } else { *z };
+        *name = if nearer { id } else { *name };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Pattern;
+
+    #[test]
+    fn every_sample_has_its_own_row_and_column() {
+        for count in [4usize, 16] {
+            let p = Pattern::new(count);
+            let mut columns: Vec<usize> = p.offsets.iter().map(|o| (o.0 * count as f32) as usize).collect();
+            columns.remove(p.centre);
+            columns.sort_unstable();
+            assert_eq!(columns, (0..count).collect::<Vec<_>>());
+            assert!(p.offsets.windows(2).all(|w| w[0].1 < w[1].1));
+        }
+    }
+}

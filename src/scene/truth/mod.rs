@@ -1,0 +1,6 @@
+//! What is known exactly of every pixel and vehicle: boxes, flow, keyframes.
+
+pub(super) mod boxes;
+pub(super) mod flow;
+pub(super) mod keyframes;
+pub(super) mod warp;
