@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+#[path = "architecture/api.rs"]
+mod api;
 #[path = "architecture/graph.rs"]
 mod graph;
 

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 type Name = Vec<String>;
 
-/// A `use` of one thing: whether it is public, its path, and the name that it gets.
+/// A `use` of one thing: who else may use it, its path, and the name that it gets.
 struct Use {
     public: bool,
+    for_all: bool,
     path: Vec<String>,
     name: String,
 }
@@ -51,6 +52,22 @@ impl Graph {
         circles.into_iter().collect()
     }
 
+    /// The file of a module.
+    pub fn file(&self, module: &[String]) -> &PathBuf {
+        &self.files[module]
+    }
+
+    /// What a module hands on to everybody: path and name.
+    pub fn handed_on(&self, module: &[String]) -> Vec<(Vec<String>, String)> {
+        let all = self.uses[module].iter().filter(|u| u.for_all);
+        all.map(|u| (u.path.clone(), u.name.clone())).collect()
+    }
+
+    /// The module that a path leads to and the names behind it, re-exports followed; `None` outside this crate.
+    pub fn leads_to(&self, module: &[String], path: &[String]) -> Option<(Vec<String>, Vec<String>)> {
+        self.followed(&module.to_vec(), path, 0)
+    }
+
     fn reached<'a>(&'a self, from: &'a Name) -> BTreeSet<&'a Name> {
         let mut seen = BTreeSet::new();
         let mut open: Vec<&Name> = self.arrows[from].iter().collect();
@@ -67,12 +84,16 @@ impl Graph {
         let is_face = self.files[module].file_name().is_some_and(|n| n == "mod.rs" || n == "lib.rs");
         let used = self.uses[module].iter().filter(|u| !(u.public && is_face)).map(|u| u.path.clone());
         let written = paths(code);
-        let all = used.chain(written).filter_map(|path| self.resolved(module, &path, 0));
+        let all = used.chain(written).filter_map(|path| self.resolved(module, &path));
         all.filter(|other| other != module && self.files.contains_key(other)).collect()
     }
 
     /// The module that a path leads to, seen from `module`; `None` outside this crate.
-    fn resolved(&self, module: &Name, path: &[String], depth: usize) -> Option<Name> {
+    fn resolved(&self, module: &Name, path: &[String]) -> Option<Name> {
+        self.followed(module, path, 0).map(|(found, _)| found)
+    }
+
+    fn followed(&self, module: &Name, path: &[String], depth: usize) -> Option<(Name, Vec<String>)> {
         if depth > 8 {
             return None;
         }
@@ -90,7 +111,7 @@ impl Graph {
             first => {
                 let found = self.uses[module].iter().find(|u| u.name == first && u.path != path)?;
                 let longer: Vec<String> = found.path.iter().chain(&path[1..]).cloned().collect();
-                return self.resolved(module, &longer, depth + 1);
+                return self.followed(module, &longer, depth + 1);
             }
         }
         while let Some(name) = path.get(i) {
@@ -101,9 +122,10 @@ impl Graph {
             }
             let handed_on = self.uses.get(&here)?.iter().find(|u| u.name == *name);
             let longer = handed_on.map(|u| u.path.iter().chain(&path[i + 1..]).cloned().collect::<Vec<_>>());
-            return Some(longer.and_then(|p| self.resolved(&here, &p, depth + 1)).unwrap_or(here));
+            let beyond = longer.and_then(|p| self.followed(&here, &p, depth + 1));
+            return Some(beyond.unwrap_or_else(|| (here, path[i..].to_vec())));
         }
-        Some(here)
+        Some((here, Vec::new()))
     }
 }
 
@@ -130,15 +152,18 @@ fn code_of(text: &str) -> String {
     code
 }
 
+/// How a `use` may begin.
+const STARTS: &[&str] = &["use ", "pub use ", "pub(super) use ", "pub(crate) use "];
+
 /// The `use` statements of a text, and the text without them.
 fn taken_apart(code: &str) -> (Vec<Use>, String) {
     let (mut uses, mut rest) = (Vec::new(), String::new());
-    let mut open: Option<(bool, String)> = None;
+    let mut open: Option<(&str, String)> = None;
     for line in code.lines() {
         let trimmed = line.trim();
-        let begun = ["use ", "pub use ", "pub(super) use ", "pub(crate) use "]
-            .into_iter()
-            .find_map(|start| trimmed.strip_prefix(start).map(|tree| (start != "use ", tree.to_owned())));
+        let begun = STARTS
+            .iter()
+            .find_map(|start| trimmed.strip_prefix(start).map(|tree| (*start, tree.to_owned())));
         match (&mut open, begun) {
             (Some((_, tree)), _) => tree.push_str(trimmed),
             (None, Some(found)) => open = Some(found),
@@ -148,8 +173,9 @@ fn taken_apart(code: &str) -> (Vec<Use>, String) {
             }
         }
         if open.as_ref().is_some_and(|(_, tree)| tree.ends_with(';')) {
-            let (public, tree) = open.take().unwrap_or_default();
-            spread(&[], tree.trim_end_matches(';'), &mut |path, name| uses.push(Use { public, path, name }));
+            let (start, tree) = open.take().unwrap_or_default();
+            let (public, for_all) = (start != "use ", start == "pub use ");
+            spread(&[], tree.trim_end_matches(';'), &mut |path, name| uses.push(Use { public, for_all, path, name }));
         }
     }
     (uses, rest)

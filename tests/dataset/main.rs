@@ -1,0 +1,4 @@
+//! Data sets.
+
+mod make;
+mod truth;

@@ -1,0 +1,227 @@
+//! Every command on odd inputs: whatever it says or leaves holds finite numbers only.
+
+use std::collections::BTreeSet;
+
+use crate::finite::inputs::{Light, ODD, ODD_LIGHT, ODD_RECORDINGS, Odd, recorded};
+use crate::program_support::{Place, npy_f32};
+
+/// Runs commands for people and for programs; what is wrong in what they say and leave.
+fn wrong(place: &Place, commands: &[String]) -> Vec<String> {
+    let mut wrong = Vec::new();
+    for command in commands {
+        for line in [command.clone(), format!("{command} --json")] {
+            let ran = place.run(&line);
+            assert!((0..=9).contains(&ran.code), "{line}: exit {}", ran.code);
+            // Scripts and pages are not turned into JSON.
+            let json = line.ends_with("--json") && !AS_THEY_ARE.iter().any(|c| line.starts_with(c));
+            let said =
+                if json { crate::finite::json_text(&ran.stdout) } else { crate::finite::text(&ran.stdout) };
+            wrong.extend(
+                said.into_iter().chain(crate::finite::text(&ran.stderr)).map(|f| format!("{line}: {f}")),
+            );
+        }
+    }
+    wrong.extend(crate::finite::folder(&place.path("")));
+    wrong
+}
+
+const AS_THEY_ARE: [&str; 2] = ["completions", "man"];
+
+fn all_finite(wrong: &[String]) {
+    assert!(wrong.is_empty(), "{} places, the first: {:#?}", wrong.len(), &wrong[..wrong.len().min(40)]);
+}
+
+/// What reads a stream without measuring all of it.
+fn readers(odd: &Odd) -> Vec<String> {
+    let size = size_of(odd);
+    vec![
+        format!("inspect odd.dat {size} --png look.png --force"),
+        format!("convert odd.dat out.npy {size} --force"),
+        format!("reconstruct odd.dat -o tfp.npy {size} --force"),
+        format!("reconstruct odd.dat -o tfi.npy {size} --method tfi --force"),
+        format!("reconstruct odd.dat -o isi.npy {size} --method isi --force"),
+        format!("reconstruct odd.dat -o span.npy {size} --method span --force"),
+        format!("evaluate odd.dat {size}"),
+        format!("evaluate odd.dat {size} --clear clear.png --full 0.6"),
+        format!("compare odd.dat {size} --longest 50 -o compared --force"),
+    ]
+}
+
+fn measurers(odd: &Odd) -> Vec<String> {
+    vec![format!("measure odd.dat {} --report measure.html --force", size_of(odd))]
+}
+
+fn size_of(odd: &Odd) -> String {
+    format!("--width {} --height {} --layout dat-top", odd.width, odd.height)
+}
+
+fn of_sets() -> Vec<String> {
+    let all = [
+        "calibrate set.toml -o calibrated --snee --force",
+        "compare set.toml ideal physical --longest 50 -o compared --force",
+        "diagnose set.toml -o diagnosed --camera physical --force",
+    ];
+    all.map(str::to_owned).to_vec()
+}
+
+fn of_recorded_sets() -> Vec<String> {
+    let all = [
+        "calibrate recorded/recordings.toml -o calibrated --snee --force",
+        "compare recorded/recordings.toml ideal physical --longest 200 -o compared --force",
+        "diagnose recorded/recordings.toml -o diagnosed --camera physical --force",
+    ];
+    all.map(str::to_owned).to_vec()
+}
+
+fn makers(size: &str) -> Vec<String> {
+    vec![
+        format!(
+            "simulate in/light.npy -o run --readouts-per-frame 7 {size} --clean --insertion linear --force"
+        ),
+        format!("simulate in/light.npy -o flow --readouts-per-frame 3 {size} --insertion flow --force"),
+        format!(
+            "simulate in/light.npy -o one --readouts-per-frame 7 --readouts 1 {size} --camera scsim-code --force"
+        ),
+        format!("simulate in/light.npy -o planned --readouts-per-frame 7 {size} --dry-run"),
+        "verify run.json".to_owned(),
+        "evaluate run.dat".to_owned(),
+        "inspect run.dat --digest".to_owned(),
+        "convert run.dat converted.npy --readouts 1..5 --force".to_owned(),
+    ]
+}
+
+fn dataset_makers(size: &str) -> Vec<String> {
+    vec![
+        format!("dataset --from in -o set {size} --readouts-per-frame 3 --test-share 0"),
+        format!("dataset --from in -o set {size} --readouts-per-frame 3 --test-share 0 --resume"),
+        "evaluate set".to_owned(),
+    ]
+}
+
+fn without_input() -> Vec<String> {
+    let all = [
+        "record physical -o recorded --width 8 --height 6 --readouts 300 --force",
+        "record scsim-code -o grey --protocol grey --width 8 --height 6 --readouts 20 --force",
+        "record physical -o planned --plan",
+        "record ideal -o planned --plan",
+        "scene -o street --width 32 --height 20 --frames 2 --lighting night --force",
+        "dataset -o drives --sequences 1 --images 3 --width 32 --height 20 --label-every 1 --npy --exr --kitti --test-share 0",
+        "dataset -o drives --dry-run --resume --sequences 1 --images 3 --width 32 --height 20",
+        "simulate --source objects -o objects --width 32 --height 20 --readouts 10 --force",
+        "simulate --source chart -o chart --width 32 --height 20 --readouts 10 --force",
+        "evaluate drives",
+        "preset list",
+        "preset show physical",
+        "preset show scsim-code",
+        "effects",
+        "effects leak",
+        "calibrate recorded/recordings.toml -o calibrated --force",
+        "completions bash",
+        "man",
+        "bench --quick --seconds 0.1",
+        // Without a command: the first run.
+        "",
+    ];
+    all.map(str::to_owned).to_vec()
+}
+
+#[test]
+fn every_command_is_run_here() {
+    let lines = [
+        readers(&ODD[0]),
+        measurers(&ODD[0]),
+        of_sets(),
+        of_recorded_sets(),
+        makers(""),
+        dataset_makers(""),
+        without_input(),
+    ];
+    let first = |line: &String| line.split(' ').next().unwrap_or_default().to_owned();
+    let mut run: BTreeSet<String> = lines.concat().iter().map(first).filter(|c| !c.is_empty()).collect();
+    run.insert("help".to_owned());
+    let help = Place::new().good("--help").stdout;
+    let (_, rest) = help.split_once("Commands:\n").expect("the list of commands");
+    let listed = rest.lines().take_while(|l| !l.is_empty());
+    let name = |l: &str| l.strip_prefix("  ").filter(|l| !l.starts_with(' ')).map(first_word);
+    let known: BTreeSet<String> = listed.filter_map(name).collect();
+    assert_eq!(run, known);
+}
+
+fn first_word(line: &str) -> String {
+    line.split(' ').next().unwrap_or_default().to_owned()
+}
+
+fn of_odd_streams(commands: fn(&Odd) -> Vec<String>) {
+    let mut found = Vec::new();
+    for odd in &ODD {
+        let place = odd.place();
+        found.extend(wrong(&place, &commands(odd)).into_iter().map(|w| format!("{}: {w}", odd.name)));
+    }
+    all_finite(&found);
+}
+
+#[test]
+fn of_odd_streams_every_reader_says_finite_numbers() {
+    of_odd_streams(readers);
+}
+
+#[test]
+fn of_odd_streams_measure_says_finite_numbers() {
+    of_odd_streams(measurers);
+}
+
+#[test]
+fn of_sets_of_odd_streams_calibration_comparison_and_diagnosis_say_finite_numbers() {
+    of_odd_streams(|_| of_sets());
+}
+
+#[test]
+fn of_recorded_sets_with_an_odd_recording_every_number_is_finite() {
+    let mut found = Vec::new();
+    for odd in ODD_RECORDINGS {
+        let place = recorded(odd);
+        let commands = of_recorded_sets();
+        let calibrated = place.run(&commands[0]);
+        assert_eq!(calibrated.code == 0, odd.2, "{}: {}", odd.0, calibrated.stderr);
+        found.extend(wrong(&place, &commands).into_iter().map(|w| format!("{}: {w}", odd.0)));
+    }
+    all_finite(&found);
+}
+
+/// A place with light of which something is odd, and the size of its frames.
+fn lit((_, shape, value): Light) -> (Place, String) {
+    let [frames, height, width] = shape;
+    let values: Vec<f32> = (0..frames * height * width).map(value).collect();
+    let place = Place::new();
+    std::fs::create_dir(place.path("in")).unwrap();
+    place.write("in/light.npy", npy_f32(shape, &values));
+    (place, format!("--width {width} --height {height}"))
+}
+
+#[test]
+fn of_odd_light_every_maker_leaves_finite_numbers() {
+    let mut found = Vec::new();
+    for light in ODD_LIGHT {
+        for commands in [makers, dataset_makers] {
+            let (place, size) = lit(light);
+            found.extend(wrong(&place, &commands(&size)).into_iter().map(|w| format!("{}: {w}", light.0)));
+        }
+    }
+    all_finite(&found);
+}
+
+#[test]
+fn what_is_drawn_recorded_and_printed_holds_finite_numbers() {
+    let place = Place::new();
+    all_finite(&wrong(&place, &without_input()));
+}
+
+#[test]
+fn what_is_not_finite_is_seen() {
+    assert_eq!(crate::finite::text("rate NaN +- 1\nrate 1 +- -inf\ninformation").len(), 2);
+    assert_eq!(crate::finite::json_text("{\"a\": [1, null], \"b\": \"inf\"}").len(), 2);
+    assert_eq!(crate::finite::npy(&npy_f32([1, 1, 2], &[1.0, f32::NAN])).len(), 1);
+    let flow: Vec<u8> =
+        [202_021.25_f32, 0.0, 0.0, 1.0, f32::INFINITY].iter().flat_map(|v| v.to_le_bytes()).collect();
+    assert_eq!(crate::finite::flo(&flow).len(), 1);
+}

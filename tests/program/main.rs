@@ -1,0 +1,15 @@
+//! The program as its users run it.
+#![cfg(feature = "cli")]
+
+#[path = "../finite/mod.rs"]
+mod finite;
+#[path = "../program_support/mod.rs"]
+mod program_support;
+
+mod dataset;
+mod doors;
+mod errors;
+mod evaluate;
+mod finite_numbers;
+mod simulate;
+mod streams;

@@ -1,0 +1,9 @@
+//! Scenes and their labels.
+
+#[cfg(feature = "scene")]
+mod boxes;
+#[cfg(feature = "scene")]
+mod flow;
+mod light;
+#[cfg(feature = "scene")]
+mod render;
