@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use calibrate_support::score::{Line, Score, observed, score, spread};
 use calibrate_support::{PUBLISHED, Pixel, pixels};
-use spikelane::calibrate::{Calibration, Options, SneeOptions, calibrate, snee};
+use spikelane::calibrate::{CalibrateOptions, Calibration, SneeOptions, calibrate, snee};
 
 /// Width, height and readouts of the page's rows.
 const PAGE: [(u32, u32, u32); 3] = [(400, 250, 1_000), (400, 250, 10_000), (64, 40, 100_000)];
@@ -60,7 +60,7 @@ fn rows(width: u32, height: u32, readouts: u32) -> [String; 2] {
     let truth: Vec<Pixel> = pixels(&PUBLISHED, (width * height) as usize, 9);
     let observed = observed(&PUBLISHED, &truth, width, readouts);
     let clock = Instant::now();
-    let found = calibrate(&observed, &Options::default()).expect("a calibration");
+    let found = calibrate(&observed, &CalibrateOptions::default()).expect("a calibration");
     let seconds = clock.elapsed().as_secs_f64();
     let lines: Vec<Line> = found.fits.iter().map(|f| [f.a, f.d, f.var_a, f.var_d]).collect();
     let own = score(&PUBLISHED, &truth, &lines, readouts);

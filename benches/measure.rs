@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use measure_support::Stream;
-use spikelane::measure::{Accumulator, Options};
+use spikelane::measure::{Accumulator, MeasureOptions};
 use spikelane::spikes::{Geometry, Packed, count};
 
 const READOUTS: usize = 3968;
@@ -35,20 +35,20 @@ fn sample(name: &'static str, rate: f64, regular: bool) -> Sample {
     Sample { name, geometry: stream.geometry, spikes: count(&packed), packed }
 }
 
-fn families() -> [(&'static str, Options); 6] {
-    let none = Options { counts: false, frames: false, intervals: false, ..Options::default() };
-    let counts = Options { counts: true, ..none.clone() };
-    let frames = Options { frames: true, ..none.clone() };
-    let totals = Options { frames: true, halves: false, ..counts.clone() };
-    let both = Options { frames: true, ..counts.clone() };
-    let intervals = Options { intervals: true, ..none };
+fn families() -> [(&'static str, MeasureOptions); 6] {
+    let none = MeasureOptions::default().with_counts(false).with_frames(false).with_intervals(false);
+    let counts = none.clone().with_counts(true);
+    let frames = none.clone().with_frames(true);
+    let totals = counts.clone().with_frames(true).with_halves(false);
+    let both = counts.clone().with_frames(true);
+    let intervals = none.with_intervals(true);
     [
         ("counts", counts),
         ("frames", frames),
         ("counts-and-totals", totals),
         ("counts-and-frames", both),
         ("intervals", intervals),
-        ("everything", Options::default()),
+        ("everything", MeasureOptions::default()),
     ]
 }
 
@@ -56,14 +56,14 @@ fn check() {
     let rates: Vec<f64> = (0..67 * 5).map(|p| f64::from(p) / 334.0).collect();
     for make in [Stream::integrators, Stream::bernoulli] {
         let stream = make(67, 5, 1500, &rates, 2);
-        let statistics = stream.measure(&Options::default(), &[700]);
+        let statistics = stream.measure(&MeasureOptions::default(), &[700]);
         stream.check_counts(&statistics);
         stream.check_frames(&statistics);
-        stream.check_intervals(&statistics, &Options::default());
+        stream.check_intervals(&statistics, &MeasureOptions::default());
     }
 }
 
-fn run(sample: &Sample, options: &Options) -> u32 {
+fn run(sample: &Sample, options: &MeasureOptions) -> u32 {
     let mut accumulator = Accumulator::new(sample.geometry, options).unwrap();
     for _ in 0..TIMES {
         accumulator.push(Packed::new(sample.geometry, &sample.packed).unwrap()).unwrap();

@@ -1,10 +1,10 @@
 //! Frames and labels of a driving scene at 400x250, on one thread and on two.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use spikelane::scene::{Lighting, Samples, Scene, SceneOptions, Warp};
+use spikelane::scene::{Lighting, SamplesPerPixel, Scene, SceneOptions, Warp};
 
 fn scene(lighting: Lighting) -> Scene {
-    let options = SceneOptions { lighting: Some(lighting), ..SceneOptions::default() };
+    let options = SceneOptions::default().with_lighting(Some(lighting));
     Scene::random(1, &options).expect("the default options are valid")
 }
 
@@ -15,14 +15,16 @@ fn frames(c: &mut Criterion) {
         let scene = scene(lighting);
         for threads in [1, 2] {
             group.bench_function(format!("render {} 2x2, {threads} threads", lighting.name()), |b| {
-                b.iter(|| scene.render(1.0, Samples::Four, threads));
+                b.iter(|| scene.render(1.0, SamplesPerPixel::Four, threads));
             });
         }
     }
     let noon = scene(Lighting::Noon);
-    group.bench_function("render noon 4x4, 2 threads", |b| b.iter(|| noon.render(1.0, Samples::Sixteen, 2)));
+    group.bench_function("render noon 4x4, 2 threads", |b| {
+        b.iter(|| noon.render(1.0, SamplesPerPixel::Sixteen, 2))
+    });
     group.bench_function("labels noon, 2 threads", |b| b.iter(|| noon.labels(1.0, 2)));
-    let (a, b) = (noon.render(1.0, Samples::Four, 2), noon.render(1.0005, Samples::Four, 2));
+    let (a, b) = (noon.render(1.0, SamplesPerPixel::Four, 2), noon.render(1.0005, SamplesPerPixel::Four, 2));
     let (a, b) = (a.expect("within the drive"), b.expect("within the drive"));
     group.bench_function("flow noon, 2 threads", |x| x.iter(|| noon.flow(&a.labels, &b.labels, 2)));
     group.bench_function("boxes noon", |x| x.iter(|| noon.boxes(&a.labels)));

@@ -81,6 +81,7 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// What an [`Error`] says, piece by piece; a piece that it does not say is empty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Parts<'a> {
     /// The sort of mistake.
     pub kind: Kind,

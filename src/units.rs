@@ -8,10 +8,10 @@
 use crate::error::{Error, Kind, Result};
 
 /// Charge of an electron in femtocoulombs (CODATA 2018, exact).
-pub const ELECTRON_FC: f64 = 1.602_176_634e-4;
+pub(crate) const ELECTRON_FC: f64 = 1.602_176_634e-4;
 
 /// Boltzmann's constant in joules per kelvin (CODATA 2018, exact).
-pub const BOLTZMANN_J_PER_K: f64 = 1.380_649e-23;
+pub(crate) const BOLTZMANN_J_PER_K: f64 = 1.380_649e-23;
 
 /// The unit in which a parameter is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

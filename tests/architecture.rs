@@ -9,11 +9,12 @@ mod api;
 #[path = "architecture/graph.rs"]
 mod graph;
 
+use api::Api;
 use graph::Graph;
 
 /// Rooms from the ground up; rooms on one line do not see each other.
 const HOUSE: &[&[&str]] = &[
-    &["error"],
+    &["error", "setters"],
     &["units", "interpolation", "npy"],
     &["draws", "spikes", "pixel"],
     &["sensor"],
@@ -147,6 +148,65 @@ fn a_made_up_circle_is_seen_through_a_face() {
     assert_eq!(Graph::new(&sources).circles(), [["a/inner.rs", "b.rs"].map(PathBuf::from)]);
 }
 
+/// The page that lists the public face.
+const FACE: &str = "docs/reference/api.txt";
+
+/// The most things that the face may have; methods, fields and impls are counted beside it.
+const MOST_ITEMS: usize = 250;
+
+fn face() -> (Api, String) {
+    let sources = sources();
+    let api = Api::of(&Graph::new(&sources), &sources);
+    let mut text = format!(
+        "# What a crate that depends on spikelane can name, all features on, `internals` off.\n\
+         # Written by `cargo test --test architecture -- --ignored` from the sources.\n\
+         # {} modules, types, traits, functions and constants; beside them {} methods, {} public fields, {} impls.\n\
+         # {} structs with public fields and enums may grow (`#[non_exhaustive]`); those marked `closed` may not.\n\n",
+        api.items.len(),
+        api.methods,
+        api.fields,
+        api.impls,
+        api.growing,
+    );
+    for item in &api.items {
+        let closed = api.closed.iter().any(|path| item.ends_with(&format!(" {path}")));
+        text += &format!("{item}{}\n", if closed { "  closed" } else { "" });
+    }
+    (api, text)
+}
+
+#[test]
+fn the_public_face_is_the_listed_one_and_short() {
+    let (api, text) = face();
+    assert!(api.items.len() < MOST_ITEMS, "{} public things", api.items.len());
+    let listed = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(FACE)).unwrap();
+    assert!(listed == text, "{FACE} is another; run: cargo test --test architecture -- --ignored");
+}
+
+#[test]
+#[ignore = "writes the page"]
+fn write_the_list_of_the_public_face() {
+    fs::write(Path::new(env!("CARGO_MANIFEST_DIR")).join(FACE), face().1).unwrap();
+}
+
+#[test]
+fn the_face_is_followed_through_re_exports_and_leaves_out_what_is_internal() {
+    let source = |path: &str, text: &str| (PathBuf::from(path), text.to_owned());
+    let sources = BTreeMap::from([
+        source("lib.rs", "pub mod a;\n#[cfg(feature = \"internals\")]\npub mod b;\nmod c;\npub use c::f;"),
+        source(
+            "a/mod.rs",
+            "mod inner;\npub use inner::Thing;\n#[cfg(feature = \"internals\")]\npub use inner::Own;",
+        ),
+        source("a/inner.rs", "pub struct Thing {\n    pub x: u8,\n}\npub struct Own;"),
+        source("b.rs", "pub fn hidden() {}"),
+        source("c.rs", "pub const fn f() {}\npub fn unseen() {}"),
+    ]);
+    let api = Api::of(&Graph::new(&sources), &sources);
+    assert_eq!(api.items, ["mod    spikelane::a", "struct spikelane::a::Thing", "fn     spikelane::f"]);
+    assert_eq!((api.fields, api.closed), (1, vec!["spikelane::a::Thing".to_owned()]));
+}
+
 #[test]
 fn rooms_have_few_files() {
     let mut rooms: BTreeMap<PathBuf, usize> = BTreeMap::new();
@@ -215,5 +275,36 @@ fn every_effect_has_a_file_of_its_name() {
     for effect in spikelane::effects::ALL {
         let path = PathBuf::from(format!("effects/{}.rs", effect.name));
         assert!(files.contains_key(&path), "{} is missing", path.display());
+    }
+}
+
+#[test]
+fn the_pages_for_newcomers_name_files_that_exist() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for page in ["CONTRIBUTING.md", "docs/structure.md"] {
+        let text = fs::read_to_string(root.join(page)).unwrap();
+        let spans = text.split('`').skip(1).step_by(2);
+        let roots = ["src/", "tests/", "docs/", "study/", "bindings/", ".ci/"];
+        let named: Vec<&str> =
+            spans.filter(|s| roots.iter().any(|r| s.starts_with(r)) && !s.contains("NAME")).collect();
+        assert!(named.len() > 10, "{page} names {} files", named.len());
+        let missing: Vec<_> = named.into_iter().filter(|s| !root.join(s).exists()).collect();
+        assert!(missing.is_empty(), "{page} names what is not there: {missing:?}");
+    }
+}
+
+#[test]
+fn the_page_of_the_structure_shows_every_room_on_its_floor() {
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/structure.md")).unwrap();
+    for (floor, rooms) in HOUSE.iter().enumerate() {
+        let names: Vec<String> = rooms.iter().map(|room| format!("`{room}`")).collect();
+        let row =
+            page.lines().find(|line| line.starts_with(&format!("| {} |", floor + 1))).unwrap_or_default();
+        let shown = row.split('|').nth(2).unwrap_or_default();
+        assert!(
+            names.iter().all(|name| shown.contains(name)),
+            "floor {}: {names:?}, the page has {row}",
+            floor + 1
+        );
     }
 }

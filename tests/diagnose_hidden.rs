@@ -3,6 +3,7 @@
 //! The study's 48x48 pixels and 4,000 readouts are cut to 24x24 and 2,048: effects are hidden at strengths
 //! that are plain there.
 
+#[allow(unreachable_pub, reason = "shared by several test binaries")]
 mod hidden_sensor;
 
 use std::sync::LazyLock;
@@ -10,7 +11,9 @@ use std::sync::LazyLock;
 use hidden_sensor::{Physics, Sensor, Size, kind, write_set};
 use spikelane::Camera;
 use spikelane::calibrate::RecordingSet;
-use spikelane::diagnose::{Diagnosis, Extent, Options, Part, Reference, Setup, Verdict, diagnose, published};
+use spikelane::diagnose::{
+    DiagnoseOptions, Diagnosis, Extent, Part, Reference, Setup, Verdict, diagnose, published,
+};
 
 const SIZE: Size = Size { width: 24, height: 24, readouts: 2048 };
 
@@ -43,14 +46,23 @@ static REFERENCE: LazyLock<Reference> = LazyLock::new(|| {
 
 fn of(hidden: &[(&str, f64)], seed: u64) -> Diagnosis {
     let (_folder, sets) = sets(hidden, seed);
-    let options =
-        Options { reference: Some(&REFERENCE), seed: 7, extent: Extent::Everything, ..Options::default() };
+    let options = DiagnoseOptions {
+        reference: Some(&REFERENCE),
+        seed: 7,
+        extent: Extent::Everything,
+        ..DiagnoseOptions::default()
+    };
     diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {}).unwrap()
 }
 
 /// Both takes against a camera file.
 fn against(camera: &Camera, sets: &[RecordingSet; 2]) -> Diagnosis {
-    let options = Options { camera: Some(camera), seed: 7, extent: Extent::Everything, ..Options::default() };
+    let options = DiagnoseOptions {
+        camera: Some(camera),
+        seed: 7,
+        extent: Extent::Everything,
+        ..DiagnoseOptions::default()
+    };
     diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {}).unwrap()
 }
 

@@ -3,6 +3,7 @@
 #[path = "../study/diagnose/again.rs"]
 #[allow(dead_code, reason = "the study judges a list of them")]
 mod again;
+#[allow(unreachable_pub, reason = "shared by several test binaries")]
 mod hidden_sensor;
 #[path = "../study/diagnose/jobs.rs"]
 #[allow(dead_code, reason = "the study makes its list with it")]

@@ -2,7 +2,7 @@
 #![cfg(all(feature = "files", feature = "threads"))]
 
 use spikelane::effects;
-use spikelane::light::{Between, Frame, Insertion, Rate, Samples, Timeline};
+use spikelane::light::{Between, Frame, Insertion, OwnedSamples, Rate, Timeline};
 use spikelane::presets;
 use spikelane::simulate::{FrameRef, Pool};
 use spikelane::spikes::{self, Crop};
@@ -202,7 +202,8 @@ fn light_that_flows_is_the_light_of_the_motion_between_frames() {
     let timeline = Timeline::per_frame(8, Insertion::Flow).unwrap();
     let found = pushed(&camera, &frames, &timeline, 24);
 
-    let owned: Vec<_> = data.iter().map(|f| Frame::new(geometry, Samples::U8(f.clone())).unwrap()).collect();
+    let owned: Vec<_> =
+        data.iter().map(|f| Frame::new(geometry, OwnedSamples::U8(f.clone())).unwrap()).collect();
     let mut simulator = Simulator::new(&camera, SEEDS).unwrap();
     let mut expected = vec![0; found.len()];
     for (t, packed) in expected.chunks_mut(geometry.frame_bytes()).enumerate() {

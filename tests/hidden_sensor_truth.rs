@@ -1,5 +1,6 @@
 //! The hidden sensor that diagnoses are tested on: does every effect of it change bits?
 
+#[allow(unreachable_pub, reason = "shared by several test binaries")]
 mod hidden_sensor;
 
 use hidden_sensor::{INSIDE, Kind, OUTSIDE, Physics, Scene, Sensor, record};

@@ -5,7 +5,7 @@
 use std::io::Read;
 
 use libfuzzer_sys::fuzz_target;
-use spikelane::light::Samples;
+use spikelane::light::OwnedSamples;
 use spikelane::light::npy::{Element, Reader};
 
 fuzz_target!(|bytes: &[u8]| {
@@ -43,12 +43,12 @@ fuzz_target!(|bytes: &[u8]| {
     }
 });
 
-fn encode(samples: &Samples, big: bool, out: &mut Vec<u8>) {
+fn encode(samples: &OwnedSamples, big: bool, out: &mut Vec<u8>) {
     match samples {
-        Samples::U8(v) => out.extend(v),
-        Samples::U16(v) if big => out.extend(v.iter().flat_map(|x| x.to_be_bytes())),
-        Samples::U16(v) => out.extend(v.iter().flat_map(|x| x.to_le_bytes())),
-        Samples::F32(v) if big => out.extend(v.iter().flat_map(|x| x.to_be_bytes())),
-        Samples::F32(v) => out.extend(v.iter().flat_map(|x| x.to_le_bytes())),
+        OwnedSamples::U8(v) => out.extend(v),
+        OwnedSamples::U16(v) if big => out.extend(v.iter().flat_map(|x| x.to_be_bytes())),
+        OwnedSamples::U16(v) => out.extend(v.iter().flat_map(|x| x.to_le_bytes())),
+        OwnedSamples::F32(v) if big => out.extend(v.iter().flat_map(|x| x.to_be_bytes())),
+        OwnedSamples::F32(v) => out.extend(v.iter().flat_map(|x| x.to_le_bytes())),
     }
 }

@@ -5,7 +5,7 @@
 use libfuzzer_sys::fuzz_target;
 use spikelane::effects::definition::{Form, Param};
 use spikelane::effects::{self, Effect};
-use spikelane::kernels::Samples;
+use spikelane::simulate::Samples;
 use spikelane::simulate::FrameRef;
 use spikelane::{Backend, Camera, Geometry, Kind, Plan, Seeds, Sensor, Simulator};
 

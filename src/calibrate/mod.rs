@@ -18,16 +18,49 @@ mod snee;
 mod written;
 
 pub use fitter::estimate::calibrate;
-pub use formulas::fit::{PixelFit, Weighting, fit_line, least_absolute};
+pub use formulas::fit::PixelFit;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use formulas::fit::{Weighting, fit_line, least_absolute};
+#[cfg(not(feature = "internals"))]
+pub(crate) use formulas::fit::{Weighting, fit_line, least_absolute};
+#[cfg(feature = "internals")]
+#[doc(hidden)]
 pub use formulas::phase::growth_ratio;
+#[cfg(not(feature = "internals"))]
+pub(crate) use formulas::phase::growth_ratio;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
 pub use formulas::selection::{nu, psi};
-pub use population::{Population, threshold_spread};
-pub use result::{Calibration, LIGHT_UNCERTAINTY, Lamp, Options, Redrawn};
+#[cfg(not(feature = "internals"))]
+pub(crate) use formulas::selection::{nu, psi};
+pub use population::Population;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use population::threshold_spread;
+#[cfg(not(feature = "internals"))]
+pub(crate) use population::threshold_spread;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use result::LIGHT_UNCERTAINTY;
+#[cfg(not(feature = "internals"))]
+pub(crate) use result::LIGHT_UNCERTAINTY;
+pub use result::{CalibrateOptions, Calibration, Lamp, Redrawn};
 pub use sets::observe::{Progress, observe};
 pub use sets::observed::{IntervalNoise, Level, Observed};
-pub use sets::protocol::{Precision, Protocol, predict};
+pub use sets::protocol::Protocol;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use sets::protocol::{Precision, predict};
+#[cfg(not(feature = "internals"))]
+pub(crate) use sets::protocol::{Precision, predict};
 pub use sets::published_maps::import_maps;
-pub use sets::recordings::{Light, RateMap, Recording, RecordingSet, Scene, UNTOLD};
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use sets::recordings::UNTOLD;
+#[cfg(not(feature = "internals"))]
+pub(crate) use sets::recordings::UNTOLD;
+pub use sets::recordings::{Light, Pattern, RateMap, Recording, RecordingSet};
 pub use snee::{Edges, Snee, SneeMaps, SneeOptions, snee};
 pub use written::output::{Files, write};
 pub use written::page::page;

@@ -7,6 +7,7 @@ use crate::measure::Estimate;
 
 /// Moments over the pixels, each with its standard error.
 #[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
 pub struct Population {
     /// Mean of `a`.
     pub mean_a: Estimate,

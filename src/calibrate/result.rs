@@ -12,6 +12,7 @@ use crate::sensor::Sensor;
 
 /// When threshold noise is redrawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Redrawn {
     /// At every readout: noise adds to the rate.
     EveryReadout,
@@ -24,6 +25,7 @@ pub const LIGHT_UNCERTAINTY: f64 = 0.01;
 
 /// A light level as it was stated and as it was found.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Lamp {
     /// Its file.
     pub file: String,
@@ -53,7 +55,8 @@ impl Lamp {
 
 /// What the estimator takes as known.
 #[derive(Clone, Copy, Debug)]
-pub struct Options {
+#[non_exhaustive]
+pub struct CalibrateOptions {
     /// Share of the first increment after a spike that the reset loses.
     pub lost_increment: f64,
     /// Relative standard deviation of every light level; `None` takes what the set states, else [`LIGHT_UNCERTAINTY`].
@@ -68,7 +71,16 @@ pub struct Options {
     pub precision: Option<f64>,
 }
 
-impl Default for Options {
+crate::setters::with_methods!(CalibrateOptions {
+    with_lost_increment: lost_increment: f64,
+    with_light_uncertainty: light_uncertainty: Option<f64>,
+    with_redrawn: redrawn: Option<Redrawn>,
+    with_capacitance_ff: capacitance_ff: f64,
+    with_swing_v: swing_v: f64,
+    with_precision: precision: Option<f64>,
+});
+
+impl Default for CalibrateOptions {
     fn default() -> Self {
         Self {
             lost_increment: 0.002,
@@ -83,6 +95,7 @@ impl Default for Options {
 
 /// What a recording set says about a camera. Maps are row-major, one entry per pixel.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Calibration {
     /// The sensor, with the nominal circuit of the options.
     pub sensor: Sensor,

@@ -21,6 +21,7 @@ use crate::error::{Error, Kind, Result};
 
 /// What the paper's estimator is told.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct SneeOptions {
     /// How far `phi` may lie from 1, its nominal value.
     pub box_width: f64,
@@ -57,6 +58,7 @@ impl SneeOptions {
 
 /// The estimator's result for one pixel, all relative to nominal values.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Snee {
     /// Threshold over the nominal one.
     pub phi: f64,
@@ -72,6 +74,7 @@ pub struct Snee {
 
 /// The estimator's maps.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct SneeMaps {
     /// Per pixel, row-major; `None` where the solver gave up.
     pub pixels: Vec<Option<Snee>>,
@@ -83,6 +86,7 @@ pub struct SneeMaps {
 
 /// Where the thresholds of the paper's estimator lie in their box: numbers of pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Edges {
     /// On the lower edge.
     pub lower: usize,

@@ -13,6 +13,7 @@ const AREAS: usize = 8;
 
 /// A band of rows.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct Area {
     /// First and last row, of which a neighbour may share the pixels.
     pub rows: [usize; 2],
@@ -37,7 +38,7 @@ pub(super) struct Areas<'a> {
 
 impl<'a> Areas<'a> {
     /// Parts of `pixels`, which rise.
-    pub fn new(measured: &'a Statistics, pixels: &[usize]) -> Self {
+    pub(crate) fn new(measured: &'a Statistics, pixels: &[usize]) -> Self {
         let parts: Vec<Vec<usize>> =
             pixels.chunks(pixels.len().div_ceil(AREAS)).map(<[usize]>::to_vec).collect();
         let own = parts.iter().map(|part| row("", measured, part)).collect();
@@ -46,7 +47,7 @@ impl<'a> Areas<'a> {
     }
 
     /// Compares a model in every part, and in all but each part.
-    pub fn add(&mut self, model: &mut SceneRow, simulated: &Statistics) {
+    pub(crate) fn add(&mut self, model: &mut SceneRow, simulated: &Statistics) {
         for (part, own) in self.parts.iter().zip(&self.own) {
             let found = row("", simulated, part);
             model.area_outliers.push(found.outliers.value);
@@ -60,7 +61,7 @@ impl<'a> Areas<'a> {
     }
 
     /// Sorts models, which are those that were added, by their distance, and says how sure that order is.
-    pub fn rank(self, models: &mut [SceneRow]) -> Vec<Area> {
+    pub(crate) fn rank(self, models: &mut [SceneRow]) -> Vec<Area> {
         let by_distance = |a: &usize, b: &usize| models[*a].distance.total_cmp(&models[*b].distance);
         if let Some(first) = (0..models.len()).min_by(by_distance) {
             let (nearest, best) = (models[first].distance, &self.without[first]);

@@ -6,7 +6,7 @@ use crate::calibrate::{Progress, RecordingSet};
 use crate::draws::Seeds;
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
-use crate::measure::{Accumulator, Options, Statistics, of_stream};
+use crate::measure::{Accumulator, MeasureOptions, Statistics, of_stream};
 use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::Packed;
 
@@ -18,6 +18,7 @@ const LONGEST: u32 = 1023;
 
 /// One camera's response and histograms, and how far it is from the measured one.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct CameraDistance {
     /// Name.
     pub name: String,
@@ -33,6 +34,7 @@ pub struct CameraDistance {
 
 /// A measured set and models.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct GreyComparison {
     /// Light levels, rising.
     pub lights: Vec<f64>,
@@ -53,6 +55,7 @@ pub struct GreyComparison {
 
 /// Distances that are no difference of models.
 #[derive(Clone, Debug, Default, Serialize)]
+#[non_exhaustive]
 pub struct Floor {
     /// As [`CameraDistance::response_distance`].
     pub response: f64,
@@ -130,15 +133,15 @@ pub fn grey_levels(
     })
 }
 
-fn options(intervals: bool, readouts: usize) -> Options {
-    Options {
+fn options(intervals: bool, readouts: usize) -> MeasureOptions {
+    MeasureOptions {
         frames: false,
         intervals,
         lags: vec![1],
         longest_bin: LONGEST,
         split: Some((readouts / 2) as u32),
         series_readouts: 0,
-        ..Options::default()
+        ..MeasureOptions::default()
     }
 }
 

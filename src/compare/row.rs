@@ -9,6 +9,7 @@ pub(super) const LAGS: [u32; 5] = [1, 8, 16, 24, 32];
 
 /// Temporal statistics of one camera on the static areas.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct SceneRow {
     /// The camera's name, or `measured`.
     pub name: String,

@@ -8,7 +8,9 @@ use crate::draws::Seeds;
 use crate::effects::{Camera, Maps};
 use crate::error::{Error, Kind, Result};
 use crate::formats::Reader;
-use crate::measure::{Accumulator, Estimate, Options, Statistics, box_means, of_stream, select_smooth};
+use crate::measure::{
+    Accumulator, Estimate, MeasureOptions, Statistics, box_means, of_stream, select_smooth,
+};
 use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::{Geometry, Packed};
 
@@ -23,6 +25,7 @@ const RADIUS: usize = 5;
 
 /// Measured recording and models, nearest first.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct SceneComparison {
     /// Pixels in static, even areas.
     pub pixels: usize,
@@ -52,11 +55,11 @@ pub struct SceneComparison {
 /// When the recording is shorter than 100 readouts or has fewer than 500 even, static pixels.
 pub fn static_scene(recording: &Reader, cameras: &[Camera], seeds: Seeds) -> Result<SceneComparison> {
     let readouts = recording.readouts();
-    let options = Options {
+    let options = MeasureOptions {
         lags: LAGS.to_vec(),
         split: Some((readouts / 2) as u32),
         frames: false,
-        ..Options::default()
+        ..MeasureOptions::default()
     };
     let measured = of_stream(recording, &options, &mut |_| {})?;
     let pixels = static_pixels(&measured);
@@ -131,7 +134,7 @@ fn simulate(
     rates: &[f64],
     readouts: usize,
     recording: &Reader,
-    options: &Options,
+    options: &MeasureOptions,
     seeds: Seeds,
 ) -> Result<Statistics> {
     let geometry = recording.geometry();

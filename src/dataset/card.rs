@@ -1,11 +1,11 @@
 //! The papers that go with a dataset: datasheet and licence.
 
-use crate::dataset::{Manifest, Options, Status, Structure, Work};
+use crate::dataset::{DatasetOptions, Manifest, Status, Structure, Work};
 use crate::error::Result;
 use crate::storage;
 
 /// Writes `DATASHEET.md`, and `LICENSE.txt` if the user chose one.
-pub(super) fn write(options: &Options, manifest: &Manifest) -> Result<()> {
+pub(super) fn write(options: &DatasetOptions, manifest: &Manifest) -> Result<()> {
     let text = datasheet(options, manifest);
     storage::write_small(&options.output.join("DATASHEET.md"), text.as_bytes(), true)?;
     if let Some(licence) = &options.licence {
@@ -18,7 +18,7 @@ pub(super) fn write(options: &Options, manifest: &Manifest) -> Result<()> {
     Ok(())
 }
 
-fn datasheet(options: &Options, manifest: &Manifest) -> String {
+fn datasheet(options: &DatasetOptions, manifest: &Manifest) -> String {
     let done = || manifest.entries.iter().filter(|e| e.status == Status::Done);
     let count = |split: &str| done().filter(|e| e.split == split).count();
     let failed = manifest.entries.iter().filter(|e| e.status == Status::Failed).count();
@@ -69,7 +69,7 @@ fn datasheet(options: &Options, manifest: &Manifest) -> String {
 }
 
 /// How the loader of the structure is told of the rate.
-fn loader(options: &Options) -> String {
+fn loader(options: &DatasetOptions) -> String {
     let geometry = options.camera.sensor.geometry;
     match options.structure {
         Structure::SpikeCv => ", as SpikeCV's own pictures are".to_owned(),

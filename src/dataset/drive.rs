@@ -1,7 +1,7 @@
 //! A driving scene as light: one frame per readout.
 
 use crate::error::{Error, Kind, Result};
-use crate::light::{Frame, Rate, Samples, Source};
+use crate::light::{Frame, OwnedSamples, Rate, Source};
 use crate::scene::{self, KeyPlan, Rendered, Scene, Warp};
 use crate::spikes::Geometry;
 
@@ -15,7 +15,7 @@ pub struct Drive {
     white_cd_m2: f32,
     geometry: Geometry,
     rate: Rate,
-    samples: scene::Samples,
+    samples: scene::SamplesPerPixel,
     threads: usize,
     keys: Option<(usize, Rendered, Rendered)>,
     ready: Vec<Vec<f32>>,
@@ -34,7 +34,7 @@ impl Drive {
         rate: Rate,
         readouts: u64,
         white_cd_m2: Option<f32>,
-        samples: scene::Samples,
+        samples: scene::SamplesPerPixel,
         threads: usize,
     ) -> Result<Self> {
         let white = white_cd_m2.unwrap_or(scene.white_cd_m2());
@@ -96,7 +96,7 @@ impl Drive {
             })?;
         let scale = 1.0 / self.white_cd_m2;
         let light = self.render(at)?.light.into_iter().map(|v| v * scale).collect();
-        Frame::new(self.geometry, Samples::F32(light))
+        Frame::new(self.geometry, OwnedSamples::F32(light))
     }
 
     /// Exposes all light by `factor`, which is positive: full scale then is a luminance so much higher.
@@ -176,7 +176,7 @@ impl Source for Drive {
         }
         let light = std::mem::take(&mut self.ready[self.next - self.ready_from]);
         let scale = 1.0 / self.white_cd_m2;
-        *into = Frame::new(self.geometry, Samples::F32(light.into_iter().map(|v| v * scale).collect()))?;
+        *into = Frame::new(self.geometry, OwnedSamples::F32(light.into_iter().map(|v| v * scale).collect()))?;
         self.next += 1;
         Ok(true)
     }

@@ -17,6 +17,7 @@ const MOVING: [&str; 19] = [
 
 /// Something that becomes a sequence.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Input {
     /// Name of the sequence: from the path, unique.
     pub id: String,

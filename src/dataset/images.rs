@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::dataset::Options;
+use crate::dataset::DatasetOptions;
 use crate::dataset::labels::write;
 use crate::error::{Error, Result};
 use crate::light::Frame;
@@ -19,7 +19,12 @@ pub(super) struct Keeper {
 
 impl Keeper {
     /// Keeps the light of every `every`-th readout; with `npy` also as floats.
-    pub fn new(options: &Options, every: Option<u64>, npy: bool, folder: &Path) -> Result<Self> {
+    pub(crate) fn new(
+        options: &DatasetOptions,
+        every: Option<u64>,
+        npy: bool,
+        folder: &Path,
+    ) -> Result<Self> {
         if every.is_some() {
             let images = folder.join("images");
             fs::create_dir_all(&images).map_err(|e| Error::io(images.display(), e))?;
@@ -28,7 +33,7 @@ impl Keeper {
     }
 
     /// Writes the light of a readout.
-    pub fn keep(&mut self, readout: u64, light: &Frame) -> Result<()> {
+    pub(crate) fn keep(&mut self, readout: u64, light: &Frame) -> Result<()> {
         let (values, geometry) = (light.to_f32(), light.geometry());
         let mut forms = vec![self.form];
         if self.npy && self.form != ImageForm::F32 {
@@ -42,7 +47,7 @@ impl Keeper {
     }
 
     /// For records; the record's own list has the files and their digests.
-    pub fn facts(&self) -> Option<ImageFacts> {
+    pub(crate) fn facts(&self) -> Option<ImageFacts> {
         self.every.map(|every| self.form.facts(every))
     }
 }

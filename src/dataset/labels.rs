@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::error::{Error, Kind, Result};
 use crate::report::with_known;
-use crate::scene::{Camera, Flow, KeyPlan, Labels, Samples, Scene, VehicleBox, labels};
+use crate::scene::{Camera, Flow, KeyPlan, Labels, SamplesPerPixel, Scene, VehicleBox, labels};
 
 /// Writes a file into a folder that gets its name only when it is complete.
 pub(super) fn write(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
@@ -22,7 +22,7 @@ pub(super) struct Wanted {
     /// Also KITTI's 16-bit PNGs.
     pub kitti: bool,
     /// Also the light in colour, with this many samples of a pixel.
-    pub exr: Option<Samples>,
+    pub exr: Option<SamplesPerPixel>,
     pub threads: usize,
 }
 

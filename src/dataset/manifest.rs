@@ -15,6 +15,7 @@ pub(super) const NAME: &str = "manifest.jsonl";
 /// How far a sequence is.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Status {
     /// Not made yet.
     #[default]
@@ -27,6 +28,7 @@ pub enum Status {
 
 /// A line.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Entry {
     /// Name of the sequence and of its folder.
     pub id: String,
@@ -61,6 +63,7 @@ pub struct Entry {
 
 /// The list.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Manifest {
     /// What decides bytes.
     pub options: Value,

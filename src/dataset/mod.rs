@@ -22,7 +22,7 @@ mod work;
 pub use drive::Drive;
 pub use from::{Input, inputs, skipped};
 pub use manifest::{Entry, Manifest, Status};
-pub use options::{Estimate, Images, Options};
+pub use options::{DatasetOptions, Estimate, Images};
 pub use record::Record;
 pub use run::{Progress, Report, estimate, make};
 pub use work::{Drives, Inputs, Structure, Work};

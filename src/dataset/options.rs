@@ -13,12 +13,13 @@ use crate::light::Rate;
 use crate::presets;
 use crate::report::with_known;
 use crate::scene::labels::can_write_exr;
-use crate::scene::{Samples, SceneOptions};
+use crate::scene::{SamplesPerPixel, SceneOptions};
 use crate::simulate::ImageForm;
 
 /// A dataset.
 #[derive(Clone, Debug)]
-pub struct Options {
+#[non_exhaustive]
+pub struct DatasetOptions {
     /// The folder that it becomes.
     pub output: PathBuf,
     /// What is made.
@@ -45,6 +46,21 @@ pub struct Options {
     pub resume: bool,
 }
 
+crate::setters::with_methods!(DatasetOptions {
+    with_output: output: PathBuf,
+    with_work: work: Work,
+    with_camera: camera: Camera,
+    with_seed: seed: u64,
+    with_scene_seed: scene_seed: u64,
+    with_images: images: Images,
+    with_camera_seed: camera_seed: u64,
+    with_structure: structure: Structure,
+    with_test_share: test_share: f64,
+    with_licence: licence: Option<String>,
+    with_threads: threads: usize,
+    with_resume: resume: bool,
+});
+
 /// Which clear images are kept, and how they are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Images {
@@ -57,6 +73,7 @@ pub struct Images {
 
 /// What a dataset will take.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Estimate {
     /// Sequences that are not done.
     pub sequences: usize,
@@ -68,7 +85,26 @@ pub struct Estimate {
     pub unknown: usize,
 }
 
-impl Options {
+impl DatasetOptions {
+    /// A dataset of this work in a folder, all seeds 0, a fifth of it for testing, on one thread.
+    #[must_use]
+    pub fn new(output: PathBuf, work: Work, camera: Camera) -> Self {
+        Self {
+            output,
+            work,
+            camera,
+            seed: 0,
+            scene_seed: 0,
+            images: Images::default(),
+            camera_seed: 0,
+            structure: Structure::default(),
+            test_share: 0.2,
+            licence: None,
+            threads: 1,
+            resume: false,
+        }
+    }
+
     /// Refuses what makes no sense before anything is written.
     ///
     /// # Errors
@@ -140,7 +176,7 @@ impl Options {
                 json!({
                     "kind": "drives", "sequences": d.sequences, "images": d.images,
                     "readouts_per_image": d.readouts_per_image, "label_every": d.label_every,
-                    "samples": if d.samples == Samples::Four { 4 } else { 16 }, "npy": d.npy,
+                    "samples": if d.samples == SamplesPerPixel::Four { 4 } else { 16 }, "npy": d.npy,
                     "kitti": d.kitti, "exr": d.exr,
                 }),
                 [
@@ -183,7 +219,7 @@ impl Options {
 }
 
 /// What every scene of the dataset is asked to be.
-pub(super) fn scene_options(options: &Options, drives: &Drives) -> Result<SceneOptions> {
+pub(super) fn scene_options(options: &DatasetOptions, drives: &Drives) -> Result<SceneOptions> {
     let geometry = options.camera.sensor.geometry;
     Ok(SceneOptions {
         width: geometry.width() as u32,

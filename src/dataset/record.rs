@@ -14,6 +14,7 @@ pub(super) const NAME: &str = "record.json";
 
 /// One file.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Kept {
     /// Path below the sequence's folder, with forward slashes.
     pub path: String,
@@ -25,6 +26,7 @@ pub struct Kept {
 
 /// What a sequence holds.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Record {
     /// Name of the sequence.
     pub id: String,

@@ -4,7 +4,7 @@ use std::fs;
 
 use crate::dataset::manifest;
 use crate::dataset::{
-    Entry, Estimate, Manifest, Options, Record, Status, Work, card, from, inputs, sequence, structure,
+    DatasetOptions, Entry, Estimate, Manifest, Record, Status, Work, card, from, inputs, sequence, structure,
 };
 use crate::error::{Error, Kind, Result};
 use crate::formats::Layout;
@@ -13,6 +13,7 @@ use crate::storage;
 
 /// How far a dataset is.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct Progress<'a> {
     /// Index of the sequence.
     pub index: usize,
@@ -50,8 +51,8 @@ pub struct Report {
 /// What the dataset will take, without writing anything; on resume, what is left of it.
 ///
 /// # Errors
-/// As [`Options::check`], and when inputs cannot be listed or the manifest differs.
-pub fn estimate(options: &Options) -> Result<Estimate> {
+/// As [`DatasetOptions::check`], and when inputs cannot be listed or the manifest differs.
+pub fn estimate(options: &DatasetOptions) -> Result<Estimate> {
     let manifest = plan(options)?;
     let mut sum = Estimate::default();
     for entry in manifest.entries.iter().filter(|e| e.status != Status::Done) {
@@ -64,7 +65,7 @@ pub fn estimate(options: &Options) -> Result<Estimate> {
 }
 
 /// Bytes of a sequence: streams exactly, pictures and labels by rule of thumb.
-fn expected_bytes(options: &Options, readouts: Option<u64>) -> Result<Option<u64>> {
+fn expected_bytes(options: &DatasetOptions, readouts: Option<u64>) -> Result<Option<u64>> {
     let Some(readouts) = readouts else { return Ok(None) };
     let geometry = options.camera.sensor.geometry;
     let streams = 2 * Layout::Dat.file_bytes(geometry, readouts)?;
@@ -90,7 +91,7 @@ fn expected_bytes(options: &Options, readouts: Option<u64>) -> Result<Option<u64
 }
 
 /// The manifest as it stands, or as it will begin; new inputs are added to an old one.
-fn plan(options: &Options) -> Result<Manifest> {
+fn plan(options: &DatasetOptions) -> Result<Manifest> {
     options.check()?;
     let facts = options.facts()?;
     let begun = options.output.join(manifest::NAME).exists();
@@ -117,7 +118,7 @@ fn plan(options: &Options) -> Result<Manifest> {
     Ok(Manifest { options: facts, entries })
 }
 
-fn entries(options: &Options) -> Result<Vec<Entry>> {
+fn entries(options: &DatasetOptions) -> Result<Vec<Entry>> {
     let new = |id: String, input: Option<String>, readouts: Option<u64>| -> Result<Entry> {
         let seeds = options.seeds(&id);
         let scene = matches!(options.work, Work::Drives(_)).then(|| options.seed_of_scene(&id));
@@ -160,7 +161,7 @@ fn entries(options: &Options) -> Result<Vec<Entry>> {
 ///
 /// # Errors
 /// See above, and as [`estimate`]; [`Kind::Space`] before the start when the estimate does not fit.
-pub fn make(options: &Options, watch: &mut dyn FnMut(Progress<'_>) -> Result<()>) -> Result<Report> {
+pub fn make(options: &DatasetOptions, watch: &mut dyn FnMut(Progress<'_>) -> Result<()>) -> Result<Report> {
     let mut manifest = plan(options)?;
     let needed = estimate(options)?.bytes;
     let free = storage::free_space(&options.output)?;
@@ -208,7 +209,7 @@ pub fn make(options: &Options, watch: &mut dyn FnMut(Progress<'_>) -> Result<()>
 }
 
 /// Digest of the input as it is now; none for scenes, and for an input that is gone.
-fn input_digest(options: &Options, entry: &Entry) -> Result<Option<String>> {
+fn input_digest(options: &DatasetOptions, entry: &Entry) -> Result<Option<String>> {
     let (Work::Inputs(inputs), Some(name)) = (&options.work, &entry.input) else { return Ok(None) };
     let path = inputs.folder.join(name);
     if !path.exists() {
@@ -218,7 +219,7 @@ fn input_digest(options: &Options, entry: &Entry) -> Result<Option<String>> {
     from::digest(&path).map(Some)
 }
 
-fn verified(options: &Options, entry: &Entry) -> bool {
+fn verified(options: &DatasetOptions, entry: &Entry) -> bool {
     let folder = options.output.join("sequences").join(&entry.id);
     entry.digest.as_deref().is_some_and(|digest| Record::verify(&folder, digest).is_ok())
 }

@@ -10,10 +10,10 @@ use crate::dataset::labels;
 use crate::dataset::options::scene_options;
 use crate::dataset::truth::{self, Dimmed};
 use crate::dataset::work::ground_truth;
-use crate::dataset::{Drive, Drives, Entry, Inputs, Options, Record, Structure, Work};
+use crate::dataset::{DatasetOptions, Drive, Drives, Entry, Inputs, Record, Structure, Work};
 use crate::error::{Error, Result};
 use crate::formats::Layout;
-use crate::light::{self, Frame, Insertion, Pace, Samples, Source, Timeline};
+use crate::light::{self, Frame, Insertion, OwnedSamples, Pace, Source, Timeline};
 use crate::report::with_known;
 use crate::scene::Scene;
 use crate::simulate::{CameraFacts, LightFacts, Looks, Outcome, Run, Sidecar, StreamFacts, run_looking};
@@ -44,7 +44,11 @@ pub(super) fn remove(folder: &Path) -> Result<()> {
 }
 
 /// Makes the sequence of `entry`; returns its record, the record's digest, and its readouts.
-pub(super) fn make(options: &Options, entry: &Entry, watch: Watch<'_>) -> Result<(Record, String, u64)> {
+pub(super) fn make(
+    options: &DatasetOptions,
+    entry: &Entry,
+    watch: Watch<'_>,
+) -> Result<(Record, String, u64)> {
     let all = options.output.join("sequences");
     let (folder, hidden) = (all.join(&entry.id), all.join(format!(".{}.partial", entry.id)));
     remove(&hidden)?;
@@ -76,7 +80,7 @@ fn sync(folder: &Path) -> Result<()> {
 }
 
 fn drive(
-    options: &Options,
+    options: &DatasetOptions,
     drives: &Drives,
     entry: &Entry,
     folder: &Path,
@@ -129,14 +133,14 @@ fn with_images(about: Value, keeper: &Keeper) -> Value {
 }
 
 fn input(
-    options: &Options,
+    options: &DatasetOptions,
     inputs: &Inputs,
     entry: &Entry,
     folder: &Path,
     watch: Watch<'_>,
 ) -> Result<(Value, u64)> {
     let name = entry.input.as_deref().unwrap_or_default();
-    let mut how = light::Options::of(&options.camera);
+    let mut how = light::InputOptions::of(&options.camera);
     (how.fit, how.transfer) = (inputs.fit, inputs.transfer);
     let path = inputs.folder.join(name);
     let open = || light::open(&path, &how);
@@ -170,13 +174,13 @@ fn input(
 
 /// The exposure of given light; only floats can be brighter than white, and only they are looked at twice.
 fn input_exposure(
-    options: &Options,
+    options: &DatasetOptions,
     open: &dyn Fn() -> Result<Box<dyn Source>>,
     timeline: &Timeline,
 ) -> Result<f32> {
     let mut source = open()?;
     let mut first = Frame::dark(source.geometry());
-    let floats = source.next_frame(&mut first)? && matches!(first.samples(), Samples::F32(_));
+    let floats = source.next_frame(&mut first)? && matches!(first.samples(), OwnedSamples::F32(_));
     drop(source);
     if options.structure != Structure::SpikeZoo || !floats {
         return Ok(1.0);
@@ -187,7 +191,7 @@ fn input_exposure(
 
 /// The noisy and the clean stream with their sidecar.
 fn streams(
-    options: &Options,
+    options: &DatasetOptions,
     entry: &Entry,
     timeline: Timeline,
     source: &mut dyn Source,

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::dataset::{Entry, Options, Structure};
+use crate::dataset::{DatasetOptions, Entry, Structure};
 use crate::error::{Error, Result};
 use crate::simulate::{Sidecar, StreamFacts};
 use crate::storage;
@@ -11,7 +11,7 @@ use crate::storage;
 /// Puts the stream and the clear image of a sequence where loaders look.
 ///
 /// Hard links cost no space and look like files everywhere; where the disk has none, copies.
-pub(super) fn place(options: &Options, entry: &Entry) -> Result<()> {
+pub(super) fn place(options: &DatasetOptions, entry: &Entry) -> Result<()> {
     let sequence = options.output.join("sequences").join(&entry.id);
     let split = options.output.join(&entry.split);
     let sidecar = Sidecar::read(&sequence.join("stream.json"))?;
@@ -27,7 +27,7 @@ pub(super) fn place(options: &Options, entry: &Entry) -> Result<()> {
 }
 
 /// Takes a sequence out of them.
-pub(super) fn displace(options: &Options, id: &str) {
+pub(super) fn displace(options: &DatasetOptions, id: &str) {
     for split in ["train", "test"] {
         for file in ["spike/ID.dat", "spike/ID.json", "clean/ID.dat", "clean/ID.json", "gt/ID.png"] {
             // Most are not there; one that cannot be removed fails when it is placed again.
@@ -50,7 +50,7 @@ fn link(from: &Path, folder: &Path, name: &str) -> Result<()> {
 }
 
 /// SpikeCV reads this beside the data.
-pub(super) fn config(options: &Options) -> Result<()> {
+pub(super) fn config(options: &DatasetOptions) -> Result<()> {
     if options.structure != Structure::SpikeCv {
         return Ok(());
     }

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use crate::dataset::labels::write;
-use crate::dataset::{Options, Structure};
+use crate::dataset::{DatasetOptions, Structure};
 use crate::effects::Camera;
 use crate::error::Result;
-use crate::light::{Frame, Rate, Samples, Source, Timeline};
+use crate::light::{Frame, OwnedSamples, Rate, Source, Timeline};
 use crate::sensor::FrontEnd;
 use crate::simulate::{ImageForm, light_at, linear_png};
 use crate::spikes::Geometry;
@@ -24,7 +24,7 @@ const STEP: f32 = 0.99;
 /// The camera of `options`, exposed so that light 1.0 has no greater rate than code 255 can say.
 ///
 /// SpikeCV's code 255 is the greatest rate that there is; nothing needs to change for it.
-pub(super) fn exposed(options: &Options) -> Camera {
+pub(super) fn exposed(options: &DatasetOptions) -> Camera {
     let mut camera = options.camera.clone();
     if options.structure == Structure::SpikeZoo {
         let full = &mut camera.sensor.thresholds_at_full_scale;
@@ -34,7 +34,7 @@ pub(super) fn exposed(options: &Options) -> Camera {
 }
 
 /// Writes `clear.png` and `gt.png` from the light of the middle readout.
-pub(super) fn write_both(options: &Options, light: &Frame, folder: &Path) -> Result<()> {
+pub(super) fn write_both(options: &DatasetOptions, light: &Frame, folder: &Path) -> Result<()> {
     let (values, geometry) = (light.to_f32(), light.geometry());
     write(folder, "clear.png", &ImageForm::U8.encode(&values, geometry)?)?;
     let full = exposed(options).sensor.thresholds_at_full_scale / options.structure.rate_at_255();
@@ -45,8 +45,8 @@ pub(super) fn write_both(options: &Options, light: &Frame, folder: &Path) -> Res
 /// The greatest factor, at most 1, that light can be exposed with so that code 255 cuts no more than it may.
 ///
 /// Lamps that saturate the sensor itself are not counted: no exposure that shows the rest would save them.
-pub(super) fn exposure(options: &Options, light: &Frame) -> f32 {
-    let integers = !matches!(light.samples(), Samples::F32(_));
+pub(super) fn exposure(options: &DatasetOptions, light: &Frame) -> f32 {
+    let integers = !matches!(light.samples(), OwnedSamples::F32(_));
     if options.structure != Structure::SpikeZoo || integers {
         // The greatest rate is as far as the pixel goes; what integers say ends at white.
         return 1.0;
@@ -95,11 +95,11 @@ pub(super) struct Dimmed<'a> {
 
 impl Dimmed<'_> {
     /// Dims a frame; integers at 1.0 stay what they are.
-    pub fn frame(frame: &Frame, by: f32) -> Result<Frame> {
+    pub(crate) fn frame(frame: &Frame, by: f32) -> Result<Frame> {
         if by >= 1.0 {
             return Ok(frame.clone());
         }
-        Frame::new(frame.geometry(), Samples::F32(frame.to_f32().into_iter().map(|x| x * by).collect()))
+        Frame::new(frame.geometry(), OwnedSamples::F32(frame.to_f32().into_iter().map(|x| x * by).collect()))
     }
 }
 

@@ -6,10 +6,11 @@ use serde_json::{Value, json};
 
 use crate::error::{Error, Kind};
 use crate::light::{Fit, Insertion, Transfer};
-use crate::scene::{Lighting, Samples};
+use crate::scene::{Lighting, SamplesPerPixel};
 
 /// Which loaders find their folders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Structure {
     /// `SPLIT/spike/ID.dat`, `SPLIT/gt/ID.png` and SpikeCV's `config.yaml`.
     #[default]
@@ -43,6 +44,7 @@ impl std::str::FromStr for Structure {
 
 /// Random driving scenes.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Drives {
     /// Number of scenes.
     pub sequences: u32,
@@ -63,7 +65,7 @@ pub struct Drives {
     /// Luminance of full scale in cd/m2 for all scenes, or each scene's own white.
     pub white_cd_m2: Option<f32>,
     /// Colour samples of a pixel.
-    pub samples: Samples,
+    pub samples: SamplesPerPixel,
     /// Also the clear images as linear `f32`.
     pub npy: bool,
     /// Also depth and flow as KITTI's 16-bit PNGs.
@@ -71,6 +73,22 @@ pub struct Drives {
     /// Also the light of labelled images in colour, as EXR.
     pub exr: bool,
 }
+
+crate::setters::with_methods!(Drives {
+    with_sequences: sequences: u32,
+    with_images: images: u32,
+    with_readouts_per_image: readouts_per_image: u32,
+    with_label_every: label_every: u32,
+    with_lighting: lighting: Option<Lighting>,
+    with_flicker_hz: flicker_hz: Option<f64>,
+    with_vehicles: vehicles: Option<u32>,
+    with_speed_kmh: speed_kmh: Option<f64>,
+    with_white_cd_m2: white_cd_m2: Option<f32>,
+    with_samples: samples: SamplesPerPixel,
+    with_npy: npy: bool,
+    with_kitti: kitti: bool,
+    with_exr: exr: bool,
+});
 
 impl Drives {
     /// Names of datasets that are known.
@@ -105,7 +123,7 @@ impl Drives {
             vehicles: None,
             speed_kmh: None,
             white_cd_m2: None,
-            samples: Samples::Four,
+            samples: SamplesPerPixel::Four,
             npy: false,
             kitti: false,
             exr: false,
@@ -136,6 +154,7 @@ pub struct Inputs {
 
 /// Where the light of a dataset comes from.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Work {
     /// Driving scenes.
     Drives(Drives),

@@ -26,10 +26,10 @@ pub use null::limits::Limits;
 pub use null::nameable::{Nameable, SCORE};
 pub use null::reference::{Progress, Reference};
 pub use protocol::extent::{Extent, Part};
-pub use protocol::recorded::Scene;
+pub use protocol::recorded::Scene as Recorded;
 pub use protocol::recorded_set::Setup;
 pub use protocol::still::Still;
-pub use run::{Options, diagnose};
+pub use run::{Options as DiagnoseOptions, diagnose};
 pub use search::round::Fate;
 pub use statistics::entry::Statistic;
 

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use nalgebra::DVector;
 
-use crate::calibrate::{self, Light, RecordingSet, Scene as Pattern};
+use crate::calibrate::{self, Light, Pattern, RecordingSet};
 use crate::diagnose::answer::diagnosis::Diagnosis;
 use crate::diagnose::answer::notes::of_the_sets;
 use crate::diagnose::answer::outcome::outcome;

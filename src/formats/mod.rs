@@ -19,15 +19,29 @@ mod source;
 mod writer;
 
 pub use convert::convert;
-pub use events::{EVENTS, write_events};
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use events::EVENTS;
+#[cfg(not(feature = "internals"))]
+pub(crate) use events::EVENTS;
+pub use events::write_events;
 pub use frames::Frames;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
 pub use layouts::codec::Codec;
+#[cfg(not(feature = "internals"))]
+pub(crate) use layouts::codec::Codec;
 pub use layouts::layout::Layout;
 pub use opening::Opening;
 pub use origin::{Lost, Origin};
 pub use reader::Reader;
 pub use readings::{Reading, Readings};
+#[cfg(feature = "internals")]
+#[doc(hidden)]
 pub use sidecar::candidates as sidecar_paths;
+#[cfg(not(feature = "internals"))]
+pub(crate) use sidecar::candidates as sidecar_paths;
 pub use writer::{Finished, StreamWriter};
 
 pub use crate::spikes::Crop;
+pub use crate::storage::{Digest, refuse_existing, write_small};

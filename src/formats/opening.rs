@@ -15,6 +15,7 @@ use crate::storage::Map;
 
 /// How a stream is to be opened; what is `None` is found out.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Opening {
     /// Layout of the file.
     pub layout: Option<Layout>,
@@ -26,6 +27,13 @@ pub struct Opening {
     pub lost: Lost,
 }
 
+crate::setters::with_methods!(Opening {
+    with_layout: layout: Option<Layout>,
+    with_geometry: geometry: Option<Geometry>,
+    with_key: key: Option<String>,
+    with_lost: lost: Lost,
+});
+
 impl Reader {
     /// Opens a file; see [`Opening::open`], of which this gives layout and geometry.
     ///
@@ -36,6 +44,15 @@ impl Reader {
     }
 
     /// Takes a stream that is already in memory; `name` stands for it in errors.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::Geometry;
+    /// use spikelane::formats::{Layout, Reader};
+    /// let reader = Reader::from_bytes("mine", vec![0; 6], Some(Layout::Dat), Some(Geometry::new(8, 2)?))?;
+    /// assert_eq!(reader.readouts(), 3);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// As [`Opening::from_bytes`].

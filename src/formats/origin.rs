@@ -6,6 +6,7 @@ use crate::error::{Error, Kind};
 
 /// What stands for readouts that a recording lost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Lost {
     /// An empty readout, so that those behind keep their numbers and times.
     #[default]
@@ -31,6 +32,7 @@ impl std::str::FromStr for Lost {
 
 /// Where the size of a stream's frames was found.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Origin {
     /// The caller gave it.
     Given,

@@ -33,6 +33,7 @@ const MAX_TURNED: usize = 256 << 20;
 
 /// One way to read a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Reading {
     /// Layout.
     pub layout: Layout,
@@ -49,6 +50,7 @@ pub struct Reading {
 
 /// The reading that was asked for, and others that the file could have.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Readings {
     /// As the stream was opened.
     pub given: Reading,

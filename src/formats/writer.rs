@@ -31,6 +31,7 @@ pub struct StreamWriter {
 
 /// A stream that is safe on the disk.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Finished {
     /// The final path.
     pub path: PathBuf,
@@ -44,6 +45,24 @@ pub struct Finished {
 
 impl StreamWriter {
     /// Begins a stream of exactly `readouts` frames that will be called `path`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::Geometry;
+    /// use spikelane::formats::{Layout, Reader, StreamWriter};
+    /// let folder = std::env::temp_dir().join(format!("spikelane-example-{}", std::process::id()));
+    /// std::fs::create_dir_all(&folder).map_err(|e| spikelane::Error::io("a folder", e))?;
+    /// let (path, geometry) = (folder.join("run.dat"), Geometry::new(8, 2)?);
+    /// let mut writer = StreamWriter::create(&path, Layout::Dat, geometry, 2, true)?;
+    /// writer.write_frames(0, &[1, 0, 0, 128])?;
+    /// writer.finish()?;
+    /// let reader = Reader::open(&path, None, Some(geometry))?;
+    /// let mut frame = [0; 2];
+    /// reader.read_frame(1, &mut frame)?;
+    /// assert_eq!(frame, [0, 128]);
+    /// # std::fs::remove_dir_all(&folder).map_err(|e| spikelane::Error::io("a folder", e))?;
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// [`Kind::Usage`] for zero readouts or a geometry the layout does not hold;

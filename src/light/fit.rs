@@ -10,12 +10,13 @@ use std::str::FromStr;
 use image::imageops::{FilterType, resize};
 use image::{ImageBuffer, Luma, Primitive};
 
-use super::frame::{Frame, Samples};
+use super::frame::{Frame, OwnedSamples};
 use crate::error::{Error, Kind, Result};
 use crate::spikes::Geometry;
 
 /// How a picture is brought to the camera's size.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Fit {
     /// The largest centred part of the camera's aspect, scaled to fill it.
     #[default]
@@ -121,6 +122,7 @@ impl Fit {
 ///
 /// Sides are whole pixels, so the scale is only near the camera's; origin and step make up for it.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Whole {
     /// The picture.
     pub picture: Frame,
@@ -182,9 +184,9 @@ fn crop(frame: Frame, part: Geometry) -> Result<Frame> {
         return Ok(frame);
     }
     let samples = match frame.into_samples() {
-        Samples::U8(v) => Samples::U8(middle(&v, from, part)),
-        Samples::U16(v) => Samples::U16(middle(&v, from, part)),
-        Samples::F32(v) => Samples::F32(middle(&v, from, part)),
+        OwnedSamples::U8(v) => OwnedSamples::U8(middle(&v, from, part)),
+        OwnedSamples::U16(v) => OwnedSamples::U16(middle(&v, from, part)),
+        OwnedSamples::F32(v) => OwnedSamples::F32(middle(&v, from, part)),
     };
     Frame::new(part, samples)
 }
@@ -207,18 +209,18 @@ fn scale(frame: Frame, to: Geometry) -> Result<Frame> {
     }
     let peak = frame.max();
     let samples = match frame.into_samples() {
-        Samples::U8(v) => {
+        OwnedSamples::U8(v) => {
             let wide = v.iter().map(|&x| u16::from(x) * 257).collect();
-            Samples::U16(resized(wide, from, to))
+            OwnedSamples::U16(resized(wide, from, to))
         }
-        Samples::U16(v) => Samples::U16(resized(v, from, to)),
-        Samples::F32(mut v) => {
+        OwnedSamples::U16(v) => OwnedSamples::U16(resized(v, from, to)),
+        OwnedSamples::F32(mut v) => {
             // The image crate clips floats at 1.0, and light may lie beyond.
             let over = peak.max(1.0);
             v.iter_mut().for_each(|x| *x /= over);
             let mut v: Vec<f32> = resized(v, from, to);
             v.iter_mut().for_each(|x| *x = (*x * over).max(0.0));
-            Samples::F32(v)
+            OwnedSamples::F32(v)
         }
     };
     Frame::new(to, samples)

@@ -13,7 +13,7 @@ use crate::spikes::MAX_PIXELS;
 /// Twice the number is twice the light. Full scale is 255, 65535 or 1.0; only
 /// `F32` can hold light beyond it.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Samples {
+pub enum OwnedSamples {
     /// Full scale is 255.
     U8(Vec<u8>),
     /// Full scale is 65535.
@@ -22,7 +22,7 @@ pub enum Samples {
     F32(Vec<f32>),
 }
 
-impl Samples {
+impl OwnedSamples {
     /// Number of samples.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -54,24 +54,33 @@ impl Samples {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     geometry: Geometry,
-    samples: Samples,
+    samples: OwnedSamples,
 }
 
 impl Frame {
     /// A frame of `geometry` from `samples`.
     ///
+    /// # Examples
+    /// ```
+    /// use spikelane::Geometry;
+    /// use spikelane::light::{Frame, OwnedSamples};
+    /// let frame = Frame::new(Geometry::new(2, 1)?, OwnedSamples::F32(vec![0.25, 1.0]))?;
+    /// assert_eq!(frame.get(0, 1), 1.0);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// [`Kind::Input`] when the number of samples differs from the number of
     /// pixels, or a float is negative or not finite; the error names the first
     /// such pixel.
-    pub fn new(geometry: Geometry, samples: Samples) -> Result<Self> {
+    pub fn new(geometry: Geometry, samples: OwnedSamples) -> Result<Self> {
         if samples.len() != geometry.pixels() {
             return Err(Error::new(Kind::Input, "frame of light")
                 .found(format_args!("{} samples", samples.len()))
                 .expected(format_args!("{} for {geometry}", geometry.pixels()))
                 .remedy("check width and height"));
         }
-        if let Samples::F32(values) = &samples {
+        if let OwnedSamples::F32(values) = &samples {
             check_light(geometry, values)?;
         }
         Ok(Self { geometry, samples })
@@ -80,7 +89,7 @@ impl Frame {
     /// A frame without light; the thing to hand to [`Source::next_frame`] first.
     #[must_use]
     pub fn dark(geometry: Geometry) -> Self {
-        Self { geometry, samples: Samples::U8(vec![0; geometry.pixels()]) }
+        Self { geometry, samples: OwnedSamples::U8(vec![0; geometry.pixels()]) }
     }
 
     /// Width and height.
@@ -91,13 +100,13 @@ impl Frame {
 
     /// The samples.
     #[must_use]
-    pub const fn samples(&self) -> &Samples {
+    pub const fn samples(&self) -> &OwnedSamples {
         &self.samples
     }
 
     /// The samples, for good.
     #[must_use]
-    pub fn into_samples(self) -> Samples {
+    pub fn into_samples(self) -> OwnedSamples {
         self.samples
     }
 
@@ -109,9 +118,9 @@ impl Frame {
     pub fn get(&self, row: usize, col: usize) -> f32 {
         let p = row * self.geometry.width() + col;
         match &self.samples {
-            Samples::U8(v) => f32::from(v[p]) / 255.0,
-            Samples::U16(v) => f32::from(v[p]) / 65535.0,
-            Samples::F32(v) => v[p],
+            OwnedSamples::U8(v) => f32::from(v[p]) / 255.0,
+            OwnedSamples::U16(v) => f32::from(v[p]) / 65535.0,
+            OwnedSamples::F32(v) => v[p],
         }
     }
 
@@ -119,9 +128,9 @@ impl Frame {
     #[must_use]
     pub fn max(&self) -> f32 {
         match &self.samples {
-            Samples::U8(v) => f32::from(v.iter().copied().max().unwrap_or(0)) / 255.0,
-            Samples::U16(v) => f32::from(v.iter().copied().max().unwrap_or(0)) / 65535.0,
-            Samples::F32(v) => v.iter().copied().fold(0.0, f32::max),
+            OwnedSamples::U8(v) => f32::from(v.iter().copied().max().unwrap_or(0)) / 255.0,
+            OwnedSamples::U16(v) => f32::from(v.iter().copied().max().unwrap_or(0)) / 65535.0,
+            OwnedSamples::F32(v) => v.iter().copied().fold(0.0, f32::max),
         }
     }
 
@@ -129,9 +138,9 @@ impl Frame {
     #[must_use]
     pub fn to_f32(&self) -> Vec<f32> {
         match &self.samples {
-            Samples::U8(v) => v.iter().map(|&x| f32::from(x) / 255.0).collect(),
-            Samples::U16(v) => v.iter().map(|&x| f32::from(x) / 65535.0).collect(),
-            Samples::F32(v) => v.clone(),
+            OwnedSamples::U8(v) => v.iter().map(|&x| f32::from(x) / 255.0).collect(),
+            OwnedSamples::U16(v) => v.iter().map(|&x| f32::from(x) / 65535.0).collect(),
+            OwnedSamples::F32(v) => v.clone(),
         }
     }
 
@@ -150,10 +159,10 @@ impl Frame {
         }
         let mix = |x: f32, y: f32| x + weight * (y - x);
         let samples = if let (Some(x), Some(y)) = (a.wide(), b.wide()) {
-            Samples::U16(zip(&x, &y, |x, y| (mix(f32::from(x), f32::from(y)) + 0.5) as u16))
+            OwnedSamples::U16(zip(&x, &y, |x, y| (mix(f32::from(x), f32::from(y)) + 0.5) as u16))
         } else {
             // Rounding may carry a value of nearly zero below it; light is not negative.
-            Samples::F32(zip(&a.to_f32(), &b.to_f32(), |x, y| mix(x, y).max(0.0)))
+            OwnedSamples::F32(zip(&a.to_f32(), &b.to_f32(), |x, y| mix(x, y).max(0.0)))
         };
         Ok(Self { geometry: a.geometry, samples })
     }
@@ -161,9 +170,9 @@ impl Frame {
     /// Integer samples at 16 bits.
     fn wide(&self) -> Option<Vec<u16>> {
         match &self.samples {
-            Samples::U8(v) => Some(v.iter().map(|&x| u16::from(x) * 257).collect()),
-            Samples::U16(v) => Some(v.clone()),
-            Samples::F32(_) => None,
+            OwnedSamples::U8(v) => Some(v.iter().map(|&x| u16::from(x) * 257).collect()),
+            OwnedSamples::U16(v) => Some(v.clone()),
+            OwnedSamples::F32(_) => None,
         }
     }
 }

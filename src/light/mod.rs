@@ -8,7 +8,7 @@
 #[cfg(feature = "files")]
 mod arrays;
 #[cfg(feature = "files")]
-pub mod fit;
+mod fit;
 mod frame;
 mod moving;
 #[cfg(feature = "files")]
@@ -27,24 +27,57 @@ mod transfer;
 mod video;
 
 #[cfg(feature = "files")]
-pub use arrays::{npy, npz};
-#[cfg(feature = "files")]
 pub use fit::Fit;
-pub use frame::{Frame, Samples, Source};
+pub use frame::{Frame, OwnedSamples, Source};
 pub use moving::between::Between;
-pub use moving::chart::{self, Chart};
+pub use moving::chart::Chart;
 #[cfg(feature = "files")]
-pub use moving::motion::{self, Motion};
+pub use moving::motion::Motion;
 pub use moving::objects::Objects;
 #[cfg(feature = "files")]
-pub use open::{Moving, Options, open, open_reader};
-pub use pace::{Pace, READOUTS_PER_FRAME};
-#[cfg(feature = "files")]
-pub use pictures::{folder, natural, picture, still};
+pub use open::{InputOptions, Moving, open, open_reader};
+pub use pace::Pace;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use pace::READOUTS_PER_FRAME;
+#[cfg(not(feature = "internals"))]
+pub(crate) use pace::READOUTS_PER_FRAME;
 pub use rate::Rate;
 pub use timeline::{Insertion, Moment, Timeline};
-#[cfg(feature = "files")]
+pub use transfer::{Curve, Transfer};
+
+#[cfg(all(feature = "files", feature = "internals"))]
+#[doc(hidden)]
+pub use arrays::{npy, npz};
+#[cfg(all(feature = "files", not(feature = "internals")))]
+pub(crate) use arrays::{npy, npz};
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use moving::chart;
+#[cfg(not(feature = "internals"))]
+pub(crate) use moving::chart;
+#[cfg(all(feature = "files", feature = "internals"))]
+#[doc(hidden)]
+pub use moving::motion;
+#[cfg(all(feature = "files", not(feature = "internals")))]
+pub(crate) use moving::motion;
+#[cfg(all(feature = "files", feature = "internals"))]
+#[doc(hidden)]
+pub use pictures::{folder, natural, picture, still};
+#[cfg(all(feature = "files", not(feature = "internals")))]
+pub(crate) use pictures::{folder, natural, picture, still};
+#[cfg(all(feature = "files", feature = "internals"))]
+#[doc(hidden)]
 pub use times::NAME as TIMES;
-pub use transfer::{Curve, LUMINANCE, Transfer, luminance, srgb_code};
-#[cfg(feature = "files")]
+#[cfg(all(feature = "files", not(feature = "internals")))]
+pub(crate) use times::NAME as TIMES;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use transfer::{LUMINANCE, luminance, srgb_code};
+#[cfg(not(feature = "internals"))]
+pub(crate) use transfer::{LUMINANCE, luminance, srgb_code};
+#[cfg(all(feature = "files", feature = "internals"))]
+#[doc(hidden)]
 pub use video::{ffmpeg, y4m};
+#[cfg(all(feature = "files", not(feature = "internals")))]
+pub(crate) use video::{ffmpeg, y4m};

@@ -35,7 +35,8 @@ const SUPPORTED: &str = "a folder of images, a PNG, JPEG, TIFF, EXR, BMP, PNM or
 
 /// How an input is read.
 #[derive(Clone, Debug)]
-pub struct Options {
+#[non_exhaustive]
+pub struct InputOptions {
     /// The camera's size, to which every frame is brought.
     pub camera: Geometry,
     /// How it is brought there.
@@ -51,7 +52,16 @@ pub struct Options {
     pub scale: Option<f64>,
 }
 
-impl Options {
+crate::setters::with_methods!(InputOptions {
+    with_camera: camera: Geometry,
+    with_fit: fit: Fit,
+    with_front_end: front_end: FrontEnd,
+    with_transfer: transfer: Option<Transfer>,
+    with_moving: moving: Option<Moving>,
+    with_scale: scale: Option<f64>,
+});
+
+impl InputOptions {
     /// Everything by default, for a camera of this size that knows nothing of codes.
     #[must_use]
     pub fn new(camera: Geometry) -> Self {
@@ -83,17 +93,26 @@ pub struct Moving {
 
 /// Opens a folder, a file, or standard input (`-`).
 ///
+/// # Examples
+/// ```
+/// use spikelane::light::{InputOptions, open};
+/// let options = InputOptions::new(spikelane::Geometry::new(400, 250)?);
+/// let missing = open(std::path::Path::new("nowhere/lake.png"), &options);
+/// assert!(missing.is_err());
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// [`Kind::Io`] when it cannot be opened; [`Kind::Usage`] when its kind is not known, or a motion is asked of
 /// anything but one image; otherwise as the source of its kind.
-pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Source>> {
+pub fn open(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
     if path.as_os_str() == "-" {
         return open_reader(Box::new(std::io::stdin()), "standard input", options);
     }
     by_kind(path, options).map(scaled)
 }
 
-fn by_kind(path: &Path, options: &Options) -> Result<Box<dyn Source>> {
+fn by_kind(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
     let (camera, fit, linear) = (options.camera, options.fit, options.linear());
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     if options.scale.is_some() && !matches!(ending.as_deref(), Some("npy" | "npz")) {
@@ -130,7 +149,11 @@ fn by_kind(path: &Path, options: &Options) -> Result<Box<dyn Source>> {
 /// # Errors
 /// [`Kind::Input`] when it is neither; [`Kind::Usage`] when a motion is asked of it; otherwise as the source
 /// of its kind.
-pub fn open_reader(reader: Box<dyn Read + Send>, name: &str, options: &Options) -> Result<Box<dyn Source>> {
+pub fn open_reader(
+    reader: Box<dyn Read + Send>,
+    name: &str,
+    options: &InputOptions,
+) -> Result<Box<dyn Source>> {
     no_motion(name, options)?;
     let (camera, fit) = (options.camera, options.fit);
     let mut reader = BufReader::new(reader);
@@ -153,7 +176,7 @@ pub fn open_reader(reader: Box<dyn Read + Send>, name: &str, options: &Options) 
         .remedy("pipe a video through ffmpeg -i FILE -pix_fmt yuv444p -f yuv4mpegpipe -"))
 }
 
-fn coded(array: Array, options: &Options) -> Result<Box<dyn Source>> {
+fn coded(array: Array, options: &InputOptions) -> Result<Box<dyn Source>> {
     let array = array.with_front_end(&options.front_end, options.transfer);
     Ok(Box::new(array.with_scale(options.scale)?))
 }
@@ -165,7 +188,7 @@ fn no_scale(name: &dyn std::fmt::Display) -> Error {
         .remedy("leave --scale out")
 }
 
-fn no_motion(name: impl std::fmt::Display, options: &Options) -> Result<()> {
+fn no_motion(name: impl std::fmt::Display, options: &InputOptions) -> Result<()> {
     if options.moving.is_none() {
         return Ok(());
     }

@@ -1,6 +1,6 @@
 //! Light in units of what a front end counts as full scale.
 
-use super::frame::{Frame, Samples, Source};
+use super::frame::{Frame, OwnedSamples, Source};
 use super::rate::Rate;
 use super::transfer::Transfer;
 use crate::error::Result;
@@ -49,7 +49,7 @@ impl Source for Scaled {
         // A frame without light has no peak.
         if unit > 0.0 {
             let light = into.to_f32().into_iter().map(|x| (f64::from(x) / unit) as f32).collect();
-            *into = Frame::new(into.geometry(), Samples::F32(light))?;
+            *into = Frame::new(into.geometry(), OwnedSamples::F32(light))?;
         }
         Ok(true)
     }

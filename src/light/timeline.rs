@@ -13,6 +13,7 @@ use crate::light::rate::Rate;
 
 /// What the light does between two frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Insertion {
     /// It stays what the last frame was.
     #[default]
@@ -51,6 +52,7 @@ impl std::fmt::Display for Insertion {
 
 /// The light of one readout: between frame `frame` and the one after it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Moment {
     /// Index of the frame at or before the readout.
     pub frame: u64,
@@ -87,6 +89,15 @@ impl Timeline {
     }
 
     /// Each frame for `readouts` readouts.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::light::{Insertion, Timeline};
+    /// let timeline = Timeline::per_frame(20, Insertion::Linear)?;
+    /// let moment = timeline.at(30);
+    /// assert_eq!((moment.frame, moment.weight()), (1, 0.5));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// [`Kind::Usage`] for zero.

@@ -15,6 +15,7 @@ pub const NEVER: u32 = u32::MAX;
 
 /// A neighbour, and by how many readouts it fires later than the pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Pair {
     /// Pixel and right neighbour in the same readout.
     Right,
@@ -62,6 +63,7 @@ impl Pair {
 /// Per-pixel counts of a band of rows. Maps are row-major, one entry per pixel
 /// of the band; readouts count from 0 at the start of the stream.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Counts {
     pub(super) geometry: Geometry,
     pub(super) rows: Range<usize>,

@@ -6,6 +6,7 @@ use rand_pcg::rand_core::{Rng, SeedableRng};
 /// A value with its standard error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "files", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Estimate {
     /// The value; NaN when nothing could be measured.
     pub value: f64,

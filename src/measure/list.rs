@@ -7,6 +7,7 @@ use crate::error::Result;
 /// A statistic with its name and uncertainty.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "files", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Named {
     /// Short name without spaces.
     pub key: String,

@@ -2,7 +2,7 @@
 //!
 //! An [`Accumulator`] takes packed frames in batches of any size and keeps
 //! integer sums; memory does not grow with the number of readouts (apart from
-//! the first [`Options::series_readouts`] entries of the per-readout series).
+//! the first [`MeasureOptions::series_readouts`] entries of the per-readout series).
 //! [`Accumulator::finish`] gives [`Statistics`], whose parts answer with an
 //! [`Estimate`], a value and its standard error, or with maps.
 //!
@@ -13,9 +13,9 @@
 //! * [`Intervals`]: everything about inter-spike intervals.
 //!
 //! **Threads.** Counts and intervals belong to pixels, so accumulators of bands
-//! of rows ([`Options::rows`]) can run side by side on the same frames, and
+//! of rows ([`MeasureOptions::rows`]) can run side by side on the same frames, and
 //! [`Statistics::join`] puts them together. Frames need whole readouts: run
-//! them as one more accumulator with [`Options::only_frames`].
+//! them as one more accumulator with [`MeasureOptions::only_frames`].
 //!
 //! Results are the same bits for every batching and banding.
 
@@ -46,26 +46,62 @@ use crate::spikes::{Geometry, Packed};
 use block::Block;
 
 pub use counts::{Counts, NEVER, Pair};
+#[cfg(all(feature = "files", feature = "threads", feature = "internals"))]
+#[doc(hidden)]
+pub use errors::{MEANING, Motion, Recorder};
+#[cfg(all(feature = "files", feature = "threads", not(feature = "internals")))]
+pub(crate) use errors::{MEANING, Motion, Recorder};
 #[cfg(all(feature = "files", feature = "threads"))]
-pub use errors::{MEANING, Motion, Recorder, Recording, Said, Told};
-pub use estimate::{Estimate, bootstrap, finite, median, median_and_spread, tiled_mean, trimmed_mean};
+pub use errors::{Recording, Said, Told};
+pub use estimate::Estimate;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use estimate::{bootstrap, finite, median, median_and_spread, tiled_mean, trimmed_mean};
+#[cfg(not(feature = "internals"))]
+pub(crate) use estimate::{bootstrap, finite, median, median_and_spread, tiled_mean, trimmed_mean};
 pub use frames::{Extreme, Frames};
-pub use intervals::{Deviation, Halves, Intervals, LONGEST_LAG, Lengths, PhaseNoise, PixelIntervals};
+pub use intervals::{Deviation, Halves, Intervals, Lengths, PhaseNoise, PixelIntervals};
 pub use list::{Named, list};
-pub use maps::{
-    Correlations, LineStructure, box_means, high_pass, line_structure, map_correlations,
-    pattern_correlations, select_rate, select_smooth,
-};
-pub use options::Options;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use maps::line_structure;
+#[cfg(not(feature = "internals"))]
+pub(crate) use maps::line_structure;
+pub use maps::{Correlations, LineStructure, high_pass};
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use maps::{box_means, map_correlations, pattern_correlations, select_rate, select_smooth};
+#[cfg(not(feature = "internals"))]
+pub(crate) use maps::{box_means, map_correlations, pattern_correlations, select_rate, select_smooth};
+pub use options::MeasureOptions;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
 pub use silence::silence_is_impossible;
+#[cfg(not(feature = "internals"))]
+pub(crate) use silence::silence_is_impossible;
 #[cfg(feature = "files")]
-pub use spectrum::{Line, Spectrum, TotalsLine, frame_total_lines, spectrum};
+pub use spectrum::{Line, Spectrum, TotalsLine};
+#[cfg(all(feature = "files", feature = "internals"))]
+#[doc(hidden)]
+pub use spectrum::{frame_total_lines, spectrum};
+#[cfg(all(feature = "files", not(feature = "internals")))]
+pub(crate) use spectrum::{frame_total_lines, spectrum};
 #[cfg(all(feature = "files", feature = "threads"))]
 pub use stream::of_stream;
-pub use summary::{Defects, Summary, borders, dsnu_prnu, summarise};
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use summary::borders;
+#[cfg(not(feature = "internals"))]
+pub(crate) use summary::borders;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use summary::dsnu_prnu;
+#[cfg(not(feature = "internals"))]
+pub(crate) use summary::dsnu_prnu;
+pub use summary::{Defects, Summary, summarise};
 
 /// Most readouts of a stream: sums of squares stay within 64 bits.
-pub const MAX_READOUTS: u32 = 1 << 28;
+pub(crate) const MAX_READOUTS: u32 = 1 << 28;
 
 /// Takes frames and keeps their sums.
 pub struct Accumulator {
@@ -87,10 +123,22 @@ impl Accumulator {
     /// Buffers the last 1984 readouts of its rows (fewer above 64 MB), and
     /// keeps 40 bytes per pixel for counts and 330 for intervals at six lags.
     ///
+    /// # Examples
+    /// ```
+    /// use spikelane::measure::{Accumulator, MeasureOptions};
+    /// use spikelane::{Geometry, Packed};
+    /// let geometry = Geometry::new(8, 1)?;
+    /// let mut sums = Accumulator::new(geometry, &MeasureOptions::without_intervals())?;
+    /// sums.push(Packed::new(geometry, &[1, 0, 1, 0])?)?;
+    /// let statistics = sums.finish();
+    /// assert_eq!(statistics.readouts, 4);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// When the rows, a lag or the histogram's length are out of range, or
     /// frames are asked for in a band.
-    pub fn new(geometry: Geometry, options: &Options) -> Result<Self> {
+    pub fn new(geometry: Geometry, options: &MeasureOptions) -> Result<Self> {
         let (rows, lags) = options.checked(geometry)?;
         let block = Block::new(geometry, rows.clone());
         let counts = options.counts.then(|| counts::State::new(geometry, rows.clone(), &block));
@@ -185,6 +233,7 @@ impl Accumulator {
 
 /// Everything that was asked for.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Statistics {
     /// The sensor.
     pub geometry: Geometry,
@@ -198,6 +247,6 @@ pub struct Statistics {
     pub frames: Option<Frames>,
     /// Inter-spike intervals.
     pub intervals: Option<Intervals>,
-    /// Spikes per pixel before [`Options::split`], when it was set and reached.
+    /// Spikes per pixel before [`MeasureOptions::split`], when it was set and reached.
     pub early_count: Option<Vec<u32>>,
 }

@@ -8,7 +8,8 @@ use crate::spikes::Geometry;
 
 /// What to measure.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Options {
+#[non_exhaustive]
+pub struct MeasureOptions {
     /// Measure [`Counts`].
     pub counts: bool,
     /// Measure [`Frames`]; needs all rows.
@@ -29,7 +30,19 @@ pub struct Options {
     pub rows: Option<Range<usize>>,
 }
 
-impl Default for Options {
+crate::setters::with_methods!(MeasureOptions {
+    with_counts: counts: bool,
+    with_frames: frames: bool,
+    with_halves: halves: bool,
+    with_intervals: intervals: bool,
+    with_lags: lags: Vec<u32>,
+    with_longest_bin: longest_bin: u32,
+    with_split: split: Option<u32>,
+    with_series_readouts: series_readouts: usize,
+    with_rows: rows: Option<Range<usize>>,
+});
+
+impl Default for MeasureOptions {
     fn default() -> Self {
         Self {
             counts: true,
@@ -45,7 +58,7 @@ impl Default for Options {
     }
 }
 
-impl Options {
+impl MeasureOptions {
     /// Only per-pixel counts and frame statistics: several times faster.
     #[must_use]
     pub fn without_intervals() -> Self {

@@ -7,6 +7,7 @@ use crate::measure::Statistics;
 
 /// A power spectrum by Welch's method.
 #[derive(Clone, Debug, serde::Serialize)]
+#[non_exhaustive]
 pub struct Spectrum {
     /// Readouts in a segment.
     pub segment: usize,
@@ -23,6 +24,7 @@ pub struct Spectrum {
 
 /// A line of a spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Line {
     /// Cycles per readout.
     pub frequency: f64,
@@ -152,6 +154,7 @@ const LINE: f64 = 30.0;
 
 /// A line of the frame totals, and the harmonic of the pixels' own rate that it is, if it is one.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct TotalsLine {
     /// The line.
     pub line: Line,

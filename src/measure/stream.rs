@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Accumulator, Options, Statistics};
+use super::{Accumulator, MeasureOptions, Statistics};
 use crate::error::Result;
 use crate::formats::Reader;
 use crate::spikes::Packed;
@@ -16,15 +16,20 @@ const BATCH: usize = 496;
 ///
 /// # Errors
 /// When the stream cannot be read, or is too long.
-pub fn of_stream(reader: &Reader, options: &Options, tell: &mut dyn FnMut(usize)) -> Result<Statistics> {
+pub fn of_stream(
+    reader: &Reader,
+    options: &MeasureOptions,
+    tell: &mut dyn FnMut(usize),
+) -> Result<Statistics> {
     let geometry = reader.geometry();
     let bands = (2 * rayon::current_num_threads()).clamp(1, geometry.height());
     let rows = |i: usize| i * geometry.height() / bands..(i + 1) * geometry.height() / bands;
-    let band =
-        |i| Accumulator::new(geometry, &Options { rows: Some(rows(i)), frames: false, ..options.clone() });
+    let band = |i| {
+        Accumulator::new(geometry, &MeasureOptions { rows: Some(rows(i)), frames: false, ..options.clone() })
+    };
     let mut accumulators = (0..bands).map(band).collect::<Result<Vec<_>>>()?;
     if options.frames {
-        let whole = Options { counts: false, intervals: false, rows: None, ..options.clone() };
+        let whole = MeasureOptions { counts: false, intervals: false, rows: None, ..options.clone() };
         accumulators.push(Accumulator::new(geometry, &whole)?);
     }
     let mut buffer = vec![0; BATCH * geometry.frame_bytes()];

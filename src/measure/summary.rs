@@ -18,6 +18,7 @@ const TILE: usize = 16;
 /// Pixels that do not behave like the others, as indices `row * width + col`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "files", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Defects {
     /// Never fired where that is impossible for a pixel at half the rate of its neighbours: see [`super::silence_is_impossible`].
     pub dead: Vec<usize>,
@@ -40,6 +41,7 @@ impl Defects {
 /// The summary of a recording of a uniform (or dark, or at least static) scene.
 #[derive(Clone, Debug)]
 #[cfg_attr(feature = "files", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Summary {
     /// Readouts.
     pub readouts: u32,

@@ -16,6 +16,7 @@ const ALIGN: usize = 64;
 
 /// What a header says.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Header {
     /// Type of the elements.
     pub element: Element,

@@ -24,6 +24,7 @@ pub struct Distribution {
 
 /// A number and what it is drawn from.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Range {
     /// Where it stands in the file: `sensor.swing`, `effects.prnu.sigma`.
     pub key: String,

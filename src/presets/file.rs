@@ -43,7 +43,7 @@ pub(super) struct WindowTable {
 }
 
 impl WindowTable {
-    pub fn of(crop: Crop) -> Self {
+    pub(crate) fn of(crop: Crop) -> Self {
         Self { row: crop.y, col: crop.x, height: crop.height, width: crop.width }
     }
 

@@ -22,7 +22,7 @@ pub(super) struct Table {
 
 impl Table {
     /// The table of a front end; none of the default one.
-    pub fn of(light: &FrontEnd) -> Option<Self> {
+    pub(crate) fn of(light: &FrontEnd) -> Option<Self> {
         (*light != FrontEnd::default()).then(|| Self {
             transfer: light.transfer.map(|t| match t {
                 Transfer::Gamma(exponent) => Value::Float(exponent),
@@ -37,7 +37,7 @@ impl Table {
         })
     }
 
-    pub fn front_end(&self) -> Result<FrontEnd> {
+    pub(crate) fn front_end(&self) -> Result<FrontEnd> {
         let default = FrontEnd::default();
         let light = FrontEnd {
             transfer: self.transfer.as_ref().map(transfer).transpose()?,

@@ -55,7 +55,7 @@ impl Files for Folder<'_> {
 }
 
 impl Table {
-    pub fn load(&self, files: &dyn Files, geometry: Geometry) -> Result<Maps> {
+    pub(crate) fn load(&self, files: &dyn Files, geometry: Geometry) -> Result<Maps> {
         let load = |key: &str, entry: &Option<Entry>| match entry {
             None => Ok(None),
             Some(entry) => {

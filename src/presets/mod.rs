@@ -8,7 +8,12 @@ mod maps;
 mod write;
 
 pub use bytes::{from_bytes, from_bytes_with, key, to_bytes};
-pub use distribution::{Distribution, Range};
+pub use distribution::Distribution;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use distribution::Range;
+#[cfg(not(feature = "internals"))]
+pub(crate) use distribution::Range;
 pub use file::{parse, parse_with};
 pub use write::{Saved, to_toml};
 
@@ -20,6 +25,7 @@ use crate::sensor::Sensor;
 
 /// A built-in model: its name and the text of its file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Preset {
     /// Name on the command line.
     pub name: &'static str,
@@ -52,7 +58,8 @@ presets![
 
 /// A known camera's geometry and readout rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Format {
+#[non_exhaustive]
+pub(crate) struct Format {
     /// Name on the command line.
     pub name: &'static str,
     /// Width and height in pixels.
@@ -62,7 +69,7 @@ pub struct Format {
 }
 
 /// Known cameras.
-pub const FORMATS: &[Format] = &[
+pub(crate) const FORMATS: &[Format] = &[
     Format { name: "400x250-20k", size: (400, 250), readout_hz: 20_000.0 },
     Format { name: "400x250-40k", size: (400, 250), readout_hz: 40_000.0 },
     Format { name: "1000x1000-20k", size: (1000, 1000), readout_hz: 20_000.0 },
@@ -77,6 +84,13 @@ pub fn default_sensor() -> Result<Sensor> {
 }
 
 /// The built-in model called `name`, at 400x250 and 20 kHz.
+///
+/// # Examples
+/// ```
+/// let camera = spikelane::presets::builtin("physical")?;
+/// assert_eq!(camera.sensor.geometry.pixels(), 100_000);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 ///
 /// # Errors
 /// When there is none; the error lists those there are.

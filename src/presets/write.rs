@@ -52,6 +52,7 @@ impl Value {
 
 /// A camera file's text and the map files that belong beside it.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Saved {
     /// The TOML.
     pub text: String,

@@ -19,6 +19,7 @@ pub fn tfi(packed: Packed, at: usize, search: usize) -> Result<Vec<f32>> {
 
 /// A TFI picture, and how much of it the ends of the stream leave open.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Tfi {
     /// The picture, as [`tfi`] gives it.
     pub rates: Vec<f32>,

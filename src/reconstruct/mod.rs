@@ -13,7 +13,11 @@ mod span;
 mod window;
 
 pub use intervals::{Tfi, isi_map, tfi, tfi_at};
+#[cfg(feature = "internals")]
+#[doc(hidden)]
 pub use noise::{difference_noise, patch_noise};
+#[cfg(not(feature = "internals"))]
+pub(crate) use noise::{difference_noise, patch_noise};
 pub use quality::{psnr, ssim};
 pub use span::span;
 pub use window::{TfpSequence, tfp};

@@ -8,6 +8,16 @@ use crate::spikes::Packed;
 ///
 /// At the borders of the stream the window is cut and the count is divided by what is left of it.
 ///
+/// # Examples
+/// ```
+/// use spikelane::{Geometry, Packed, reconstruct};
+/// // One pixel of eight that fires at every second readout.
+/// let bytes = [1, 0, 1, 0, 1, 0, 1];
+/// let rates = reconstruct::tfp(Packed::new(Geometry::new(8, 1)?, &bytes)?, 3, 3)?;
+/// assert!((rates[0] - 4.0 / 7.0).abs() < 1e-6 && rates[1] == 0.0);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// [`crate::Kind::Usage`] when `centre` lies beyond the stream.
 pub fn tfp(packed: Packed, centre: usize, half_window: usize) -> Result<Vec<f32>> {

@@ -19,6 +19,7 @@ const TEMPLATE: &str = include_str!("page.html");
 
 /// A table: heads and rows of equal length.
 #[derive(Clone, Debug, Default, Serialize)]
+#[non_exhaustive]
 pub struct Table {
     /// What the columns are.
     pub head: Vec<String>,

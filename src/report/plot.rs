@@ -6,6 +6,7 @@ use crate::error::{Error, Kind, Result};
 
 /// A named line.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Curve<'a> {
     /// Name in the legend.
     pub name: &'a str,
@@ -15,6 +16,7 @@ pub struct Curve<'a> {
 
 /// What lies between two lines of common x, drawn below the curves.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Band<'a> {
     /// Name in the legend.
     pub name: &'a str,

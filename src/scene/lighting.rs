@@ -12,6 +12,7 @@ pub(super) const LAMP_REACH_M: f32 = 26.0;
 
 /// A time of day and weather.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Lighting {
     /// High sun, blue sky, a few clouds.
     Noon,
@@ -101,7 +102,7 @@ pub(super) fn luminance(c: Vec3) -> f32 {
 
 impl Light {
     /// The light of `preset`, varied by the seed.
-    pub fn random(seed: u64, preset: Lighting, flicker_hz: Option<f64>) -> Self {
+    pub(crate) fn random(seed: u64, preset: Lighting, flicker_hz: Option<f64>) -> Self {
         let draws = Draws::new(seed, "light");
         // Roads run along x: a sun that is low shines along the street, or no
         // ray of it would reach the ground.
@@ -205,7 +206,7 @@ impl Light {
     }
 
     /// Share of the lamps' mean light at `t`, for a mains phase of 0 to 2.
-    pub fn lamp_level(&self, t: f64, phase: u8) -> f32 {
+    pub(crate) fn lamp_level(&self, t: f64, phase: u8) -> f32 {
         self.flicker.map_or(1.0, |(hz, depth)| {
             let angle = std::f64::consts::TAU * (hz * t + f64::from(phase) / 3.0);
             1.0 + depth * libm::cos(angle) as f32
@@ -214,7 +215,7 @@ impl Light {
 
     /// Luminance of the sky in a direction; the sun's disc is left out, since
     /// its light is summed as an illuminance.
-    pub fn sky(&self, way: Vec3) -> Vec3 {
+    pub(crate) fn sky(&self, way: Vec3) -> Vec3 {
         let up = way.z.max(0.0);
         let rise = 1.0 - (1.0 - up) * (1.0 - up) * (1.0 - up);
         let mut sky = self.horizon.lerp(self.zenith, rise);
@@ -229,7 +230,7 @@ impl Light {
     }
 
     /// Illuminance of the open sky on a horizontal surface.
-    pub fn sky_lux(&self) -> Vec3 {
+    pub(crate) fn sky_lux(&self) -> Vec3 {
         (self.zenith * 0.62 + self.horizon * 0.38 + self.glow * 0.06) * std::f32::consts::PI
     }
 }

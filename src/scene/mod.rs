@@ -5,10 +5,10 @@
 //! order, and the same seed gives the same bytes on any number of threads.
 //!
 //! ```
-//! use spikelane::scene::{Lighting, Samples, Scene, SceneOptions};
-//! let options = SceneOptions { width: 64, height: 40, lighting: Some(Lighting::Noon), ..SceneOptions::default() };
+//! use spikelane::scene::{Lighting, SamplesPerPixel, Scene, SceneOptions};
+//! let options = SceneOptions::default().with_width(64).with_height(40).with_lighting(Some(Lighting::Noon));
 //! let scene = Scene::random(7, &options)?;
-//! let frame = scene.render(0.5, Samples::Four, 1)?;
+//! let frame = scene.render(0.5, SamplesPerPixel::Four, 1)?;
 //! assert_eq!(frame.light.len(), 64 * 40);
 //! # Ok::<(), spikelane::Error>(())
 //! ```
@@ -27,7 +27,7 @@ mod shapes;
 mod truth;
 mod world;
 
-pub use drawing::render::{Labels, Rendered, Samples};
+pub use drawing::render::{Labels, Rendered, SamplesPerPixel};
 pub use drive::camera::{Camera, Intrinsics, Pose};
 pub use drive::vehicle::VehicleClass;
 pub use glam::{DMat3, DVec3};

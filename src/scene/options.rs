@@ -13,6 +13,7 @@ pub(super) const SLOWEST_KMH: f64 = 45.0;
 
 /// What a scene is asked to be; what is left open follows from the seed.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct SceneOptions {
     /// Pixels in a row.
     pub width: u32,
@@ -32,6 +33,17 @@ pub struct SceneOptions {
     /// Lamps flicker with this frequency in hertz (100 or 120 on the mains).
     pub flicker_hz: Option<f64>,
 }
+
+crate::setters::with_methods!(SceneOptions {
+    with_width: width: u32,
+    with_height: height: u32,
+    with_fov_deg: fov_deg: Option<f64>,
+    with_lighting: lighting: Option<Lighting>,
+    with_duration_s: duration_s: f64,
+    with_speed_kmh: speed_kmh: Option<f64>,
+    with_vehicles: vehicles: Option<u32>,
+    with_flicker_hz: flicker_hz: Option<f64>,
+});
 
 impl SceneOptions {
     /// Refuses what no seed could make a scene of, without building one.

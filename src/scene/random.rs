@@ -18,7 +18,7 @@ const fn mix(mut x: u64) -> u64 {
 
 impl Draws {
     /// The draws of `purpose` under `seed`.
-    pub fn new(seed: u64, purpose: &str) -> Self {
+    pub(crate) fn new(seed: u64, purpose: &str) -> Self {
         let name = purpose
             .bytes()
             .fold(0xcbf2_9ce4_8422_2325, |h: u64, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
@@ -26,37 +26,37 @@ impl Draws {
     }
 
     /// The draws of item `index` within this family.
-    pub const fn of(self, index: u64) -> Self {
+    pub(crate) const fn of(self, index: u64) -> Self {
         Self { key: mix(self.key ^ mix(index.wrapping_add(0x9e37_79b9_7f4a_7c15))) }
     }
 
     /// 64 bits at `index`.
-    pub const fn bits(self, index: u64) -> u64 {
+    pub(crate) const fn bits(self, index: u64) -> u64 {
         mix(self.key.wrapping_add(index.wrapping_mul(0x9e37_79b9_7f4a_7c15)))
     }
 
     /// Uniform in [0, 1).
-    pub fn unit(self, index: u64) -> f64 {
+    pub(crate) fn unit(self, index: u64) -> f64 {
         (self.bits(index) >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
     /// Uniform in [low, high).
-    pub fn range(self, index: u64, low: f64, high: f64) -> f64 {
+    pub(crate) fn range(self, index: u64, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit(index)
     }
 
     /// Uniform in [low, high), single precision.
-    pub fn range_f32(self, index: u64, low: f32, high: f32) -> f32 {
+    pub(crate) fn range_f32(self, index: u64, low: f32, high: f32) -> f32 {
         self.range(index, f64::from(low), f64::from(high)) as f32
     }
 
     /// True with `probability`.
-    pub fn chance(self, index: u64, probability: f64) -> bool {
+    pub(crate) fn chance(self, index: u64, probability: f64) -> bool {
         self.unit(index) < probability
     }
 
     /// An index below `count` (which must not be zero).
-    pub fn pick(self, index: u64, count: usize) -> usize {
+    pub(crate) fn pick(self, index: u64, count: usize) -> usize {
         ((self.unit(index) * count as f64) as usize).min(count - 1)
     }
 }

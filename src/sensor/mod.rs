@@ -29,6 +29,13 @@ impl Sensor {
     /// A sensor with the circuit of the SCSim paper: 4.348 fF, 3.3 V - 2.2 V,
     /// and one threshold per readout at full scale.
     ///
+    /// # Examples
+    /// ```
+    /// let sensor = spikelane::Sensor::new(400, 250, 20_000.0)?;
+    /// assert_eq!(sensor.period_s(), 50e-6);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// See [`Geometry::new`]; the readout rate must be positive and finite.
     pub fn new(width: u32, height: u32, readout_hz: f64) -> Result<Self> {

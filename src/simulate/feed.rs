@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::kernels::{Light, Segment};
-use crate::light::{Between, Frame, Insertion, Samples, Source, Timeline};
+use crate::light::{Between, Frame, Insertion, OwnedSamples, Source, Timeline};
 
 /// Light of some readouts of a batch: one frame, or the way to the next.
 pub(super) struct Piece {
@@ -15,7 +15,7 @@ pub(super) struct Piece {
 }
 
 impl Piece {
-    pub fn segment(&self) -> Segment<'_> {
+    pub(crate) fn segment(&self) -> Segment<'_> {
         let from = self.from.samples().borrowed();
         let light = match &self.to {
             Some(to) => Light::Between { from, to: to.samples().borrowed(), weights: &self.weights },
@@ -25,7 +25,7 @@ impl Piece {
     }
 
     /// The light of its readout `i`, counted from 0.
-    pub fn light(&self, i: usize) -> Result<Frame> {
+    pub(crate) fn light(&self, i: usize) -> Result<Frame> {
         match &self.to {
             Some(to) => Frame::blend(&self.from, to, self.weights.get(i).copied().unwrap_or(0.0)),
             None => Ok((*self.from).clone()),
@@ -40,9 +40,9 @@ pub(super) fn held(frame: &Frame) -> Light<'_> {
 
 fn bytes(frame: &Frame) -> usize {
     let size = match frame.samples() {
-        Samples::U8(_) => 1,
-        Samples::U16(_) => 2,
-        Samples::F32(_) => 4,
+        OwnedSamples::U8(_) => 1,
+        OwnedSamples::U16(_) => 2,
+        OwnedSamples::F32(_) => 4,
     };
     size * frame.samples().len()
 }
@@ -67,7 +67,7 @@ pub(super) struct Feeder<'a> {
 
 impl<'a> Feeder<'a> {
     /// Starts with `first`, the source's first frame, and ends before readout `limit`.
-    pub fn new(
+    pub(crate) fn new(
         source: &'a mut dyn Source,
         first: Frame,
         timeline: Timeline,
@@ -93,24 +93,24 @@ impl<'a> Feeder<'a> {
     }
 
     /// The next readout.
-    pub fn at(&self) -> u64 {
+    pub(crate) fn at(&self) -> u64 {
         self.at
     }
 
     /// Goes on with readout `readout`; light that only earlier ones see is passed over.
-    pub fn skip_to(&mut self, readout: u64) {
+    pub(crate) fn skip_to(&mut self, readout: u64) {
         self.at = self.at.max(readout);
     }
 
     /// The frame that the last readout saw.
-    pub fn current(&self) -> &Frame {
+    pub(crate) fn current(&self) -> &Frame {
         &self.current
     }
 
     fn count(&mut self, frame: &Frame) {
         self.frames += 1;
         // Integers cannot exceed full scale, which every plan holds.
-        if matches!(frame.samples(), Samples::F32(_)) && frame.max() > self.greatest {
+        if matches!(frame.samples(), OwnedSamples::F32(_)) && frame.max() > self.greatest {
             self.too_bright += 1;
         }
     }
@@ -144,7 +144,7 @@ impl<'a> Feeder<'a> {
 
     /// Light of up to `readouts` readouts, whose frames hold little more than `room` bytes;
     /// nothing at the end of the source or the limit.
-    pub fn fill(&mut self, readouts: usize, room: usize) -> Result<Vec<Piece>> {
+    pub(crate) fn fill(&mut self, readouts: usize, room: usize) -> Result<Vec<Piece>> {
         let (mut pieces, mut left, mut held) = (Vec::new(), readouts as u64, 0);
         while left > 0 && held <= room && self.at < self.limit {
             let frame = self.timeline.at(self.at).frame;

@@ -25,6 +25,15 @@ impl<'a> FrameRef<'a> {
     }
 
     /// 8-bit samples without gaps; 255 is full scale.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Geometry, simulate::FrameRef};
+    /// let grey = vec![128u8; 6];
+    /// let frame = FrameRef::u8(&grey, Geometry::new(3, 2)?);
+    /// # let _ = frame;
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn u8(samples: &'a [u8], geometry: Geometry) -> Self {
         Self::dense(Samples::U8(samples), geometry)
@@ -76,7 +85,7 @@ pub(super) enum Dense<'a> {
 }
 
 impl Dense<'_> {
-    pub fn samples(&self) -> Samples<'_> {
+    pub(crate) fn samples(&self) -> Samples<'_> {
         match self {
             Self::U8(s) => Samples::U8(s),
             Self::U16(s) => Samples::U16(s),

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Kind, Result};
 use crate::kernels::{Light, Samples, Segment};
-use crate::light::{Between, Frame, Insertion, Samples as Owned, Timeline};
+use crate::light::{Between, Frame, Insertion, OwnedSamples as Owned, Timeline};
 use crate::simulate::frame::Dense;
 use crate::simulate::simulator::BATCH;
 use crate::simulate::{FrameRef, Simulator};

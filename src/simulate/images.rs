@@ -12,6 +12,7 @@ use crate::spikes::Geometry;
 
 /// How clear light is stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ImageForm {
     /// 8-bit PNG with the sRGB curve; light above 1.0 is cut.
     #[default]
@@ -132,6 +133,7 @@ fn png(bytes: &[u8], geometry: Geometry, kind: ExtendedColorType) -> Result<Vec<
 
 /// Clear images that were kept.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct ImageFacts {
     /// Readouts from one image to the next; the number in a file's name is its readout, counted from 0.
     pub every: u64,
@@ -150,6 +152,7 @@ pub struct ImageFacts {
 
 /// One clear image.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct ImageFile {
     /// Name in the folder.
     pub file: String,

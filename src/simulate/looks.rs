@@ -6,6 +6,7 @@ use crate::simulate::feed::{Feeder, Piece};
 
 /// The light of one readout near the middle of a run, to show beside what was made of it.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Glance {
     /// The readout: half of all, rounded down, counted from 0, where their number was known at the start;
     /// otherwise one within a third of it.
@@ -15,6 +16,7 @@ pub struct Glance {
 }
 
 /// Hears the light of every `every`-th readout of a run, from readout 0 on.
+#[non_exhaustive]
 pub struct Looks<'a> {
     /// Readouts from one to the next; at least 1.
     pub every: u64,
@@ -69,13 +71,13 @@ pub(super) struct Glances {
 }
 
 impl Glances {
-    pub fn new(total: Option<u64>, first: &Frame) -> Self {
+    pub(crate) fn new(total: Option<u64>, first: &Frame) -> Self {
         let start = Glance { readout: 0, frame: first.clone() };
         Self { wanted: total.map_or(1, |n| n / 2), known: total.is_some(), kept: [start.clone(), start] }
     }
 
     /// Looks at a batch that began with readout `first`.
-    pub fn look(&mut self, first: u64, pieces: &[Piece]) -> Result<()> {
+    pub(crate) fn look(&mut self, first: u64, pieces: &[Piece]) -> Result<()> {
         let mut start = first;
         for piece in pieces {
             let end = start + piece.readouts as u64;
@@ -90,7 +92,7 @@ impl Glances {
         Ok(())
     }
 
-    pub fn middle(self, readouts: u64) -> Glance {
+    pub(crate) fn middle(self, readouts: u64) -> Glance {
         let [a, b] = self.kept;
         let distance = |g: &Glance| g.readout.abs_diff(readouts / 2);
         if distance(&a) < distance(&b) { a } else { b }

@@ -26,19 +26,46 @@ mod tiles;
 #[cfg(feature = "files")]
 mod writing;
 
-#[cfg(feature = "files")]
+pub use crate::kernels::Samples;
+#[cfg(all(feature = "files", feature = "internals"))]
+#[doc(hidden)]
 pub use ahead::Ahead;
+#[cfg(all(feature = "files", not(feature = "internals")))]
+pub(crate) use ahead::Ahead;
 pub use frame::FrameRef;
+#[cfg(all(feature = "files", feature = "internals"))]
+#[doc(hidden)]
+pub use images::ImageFile;
+#[cfg(all(feature = "files", not(feature = "internals")))]
+pub(crate) use images::ImageFile;
+#[cfg(all(feature = "files", feature = "internals"))]
+#[doc(hidden)]
+pub use images::linear_png;
+#[cfg(all(feature = "files", not(feature = "internals")))]
+pub(crate) use images::linear_png;
 #[cfg(feature = "files")]
-pub use images::{ImageFacts, ImageFile, ImageForm, linear_png};
-#[cfg(feature = "files")]
-pub use looks::{Glance, Looks, light_at};
+pub use images::{ImageFacts, ImageForm};
+#[cfg(all(feature = "files", feature = "internals"))]
+#[doc(hidden)]
+pub use looks::light_at;
+#[cfg(all(feature = "files", not(feature = "internals")))]
+pub(crate) use looks::light_at;
+#[cfg(all(feature = "files", feature = "internals"))]
+#[doc(hidden)]
+pub use looks::{Glance, Looks};
+#[cfg(all(feature = "files", not(feature = "internals")))]
+pub(crate) use looks::{Glance, Looks};
 #[cfg(feature = "threads")]
 pub use pool::Pool;
 #[cfg(feature = "files")]
 pub use readouts::Readouts;
+#[cfg(all(feature = "files", feature = "internals"))]
+#[doc(hidden)]
+pub use run::run_looking;
+#[cfg(all(feature = "files", not(feature = "internals")))]
+pub(crate) use run::run_looking;
 #[cfg(feature = "files")]
-pub use run::{Outcome, Run, Written, run, run_looking};
+pub use run::{Outcome, Run, Written, run};
 #[cfg(feature = "files")]
 pub use sidecar::{CameraFacts, LightFacts, SensorFacts, Sidecar, StreamFacts, save_camera};
 pub use simulator::Simulator;

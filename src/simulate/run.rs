@@ -8,7 +8,7 @@ use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
 use crate::formats::{Layout, StreamWriter};
 use crate::kernels::{Backend, Segment};
-use crate::light::{Frame, Samples, Source, Timeline};
+use crate::light::{Frame, OwnedSamples, Source, Timeline};
 use crate::plan::Plan;
 use crate::simulate::Simulator;
 use crate::simulate::feed::{self, Feeder, Piece};
@@ -27,6 +27,7 @@ const BEYOND: f64 = 2.0;
 
 /// What to simulate, and how.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Run {
     /// The camera.
     pub camera: Camera,
@@ -90,7 +91,7 @@ impl Run {
         };
         let light = match (self.greatest_light, first.samples()) {
             (Some(light), _) => light,
-            (None, Samples::F32(_)) => match all(BEYOND) {
+            (None, OwnedSamples::F32(_)) => match all(BEYOND) {
                 Ok(plans) => return Ok((BEYOND, plans)),
                 // The second attempt says what is wrong, if it is not the light.
                 Err(_) => 1.0,
@@ -116,6 +117,7 @@ pub struct Written {
 
 /// What a run did.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Outcome {
     /// The noisy stream.
     pub noisy: Written,
@@ -313,7 +315,9 @@ fn step(
 fn finish(job: &Run, streams: Vec<Stream>) -> Result<(Vec<Written>, Duration)> {
     for path in &job.stale {
         match std::fs::remove_file(path) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::io(path.display(), e)),
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+                return Err(Error::io(path.display(), e));
+            }
             _ => {}
         }
     }

@@ -19,6 +19,7 @@ use crate::storage;
 
 /// One file of a run.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct StreamFacts {
     /// Name, in the sidecar's folder.
     pub file: String,
@@ -49,6 +50,7 @@ impl StreamFacts {
 
 /// Where the light came from and how it was read.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct LightFacts {
     /// The source in its own words.
     pub source: String,
@@ -105,6 +107,7 @@ impl LightFacts {
 
 /// The nominal circuit.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct SensorFacts {
     /// Femtofarads.
     pub capacitance_ff: f64,
@@ -118,6 +121,7 @@ pub struct SensorFacts {
 
 /// The camera, in numbers and as the text of a camera file.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct CameraFacts {
     /// Name.
     pub name: String,
@@ -169,6 +173,7 @@ impl CameraFacts {
 
 /// The sidecar. Files of other programs may lack everything but the first keys.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Sidecar {
     /// Pixels in a row.
     pub width: u32,

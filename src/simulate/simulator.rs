@@ -32,6 +32,15 @@ pub struct Simulator {
 impl Simulator {
     /// The camera before its first readout, on the fastest backend of this CPU, with one thread.
     ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Seeds, Sensor, Simulator};
+    /// let camera = Camera::ideal(Sensor::new(32, 24, 20_000.0)?);
+    /// let simulator = Simulator::new(&camera, Seeds::default())?;
+    /// assert_eq!(simulator.plan().geometry().pixels(), 768);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// See [`Plan::new`].
     pub fn new(camera: &Camera, seeds: Seeds) -> Result<Self> {
@@ -90,6 +99,20 @@ impl Simulator {
     /// Starts anew as another recording of the same camera: the simulator of
     /// [`Plan::with_seeds`], which keeps its tables, backend and threads.
     ///
+    /// # Examples
+    /// ```
+    /// # use spikelane::{Camera, Seeds, Sensor, Simulator, simulate::FrameRef};
+    /// # let sensor = Sensor::new(32, 24, 20_000.0)?;
+    /// # let (geometry, light) = (sensor.geometry, vec![51u8; 32 * 24]);
+    /// let mut simulator = Simulator::new(&Camera::ideal(sensor), Seeds::default())?;
+    /// let (mut first, mut again) = (vec![0; 96], vec![0; 96]);
+    /// simulator.push(FrameRef::u8(&light, geometry), &mut first)?;
+    /// simulator.restart(Seeds::default())?;
+    /// simulator.push(FrameRef::u8(&light, geometry), &mut again)?;
+    /// assert_eq!(first, again);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// When `seeds.camera` is another than the plan's.
     pub fn restart(&mut self, seeds: Seeds) -> Result<()> {
@@ -119,6 +142,21 @@ impl Simulator {
     /// Continues from `state`, for instance one read by [`State::from_bytes`]
     /// with [`Plan::start`] as its pattern.
     ///
+    /// # Examples
+    /// ```
+    /// # use spikelane::{Camera, Seeds, Sensor, Simulator, simulate::FrameRef};
+    /// # let sensor = Sensor::new(32, 24, 20_000.0)?;
+    /// # let (geometry, light) = (sensor.geometry, vec![51u8; 32 * 24]);
+    /// let mut simulator = Simulator::new(&Camera::ideal(sensor), Seeds::default())?;
+    /// let (mut first, mut again) = (vec![0; 96], vec![0; 96]);
+    /// let before = simulator.state().clone();
+    /// simulator.push(FrameRef::u8(&light, geometry), &mut first)?;
+    /// simulator.resume(before)?;
+    /// simulator.push(FrameRef::u8(&light, geometry), &mut again)?;
+    /// assert_eq!(first, again);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// When the state belongs to another plan.
     pub fn resume(&mut self, state: State) -> Result<()> {
@@ -133,6 +171,19 @@ impl Simulator {
     /// ([`crate::Geometry::frame_bytes`] each, whatever they held before).
     /// A camera that drops readouts holds it until `out` is full; to let the
     /// scene go on instead see [`Simulator::expose`].
+    ///
+    /// # Examples
+    /// ```
+    /// # use spikelane::{Camera, Seeds, Sensor, Simulator, simulate::FrameRef};
+    /// # let sensor = Sensor::new(32, 24, 20_000.0)?;
+    /// # let (geometry, light) = (sensor.geometry, vec![51u8; 32 * 24]);
+    /// let mut simulator = Simulator::new(&Camera::ideal(sensor), Seeds::default())?;
+    /// // Five readouts of a fifth of full scale: every pixel fires once.
+    /// let mut packed = vec![0; 5 * geometry.frame_bytes()];
+    /// simulator.push(FrameRef::u8(&light, geometry), &mut packed)?;
+    /// assert_eq!(spikelane::spikes::count(&packed), 32 * 24);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// When the frame has another size than the sensor, holds light that is
@@ -161,6 +212,19 @@ impl Simulator {
     /// `from + (to - from) * weights[i]`, and `out` has a packed frame for each weight.
     /// A camera that drops readouts holds the last light until `out` is full; to let the
     /// scene go on instead see [`Simulator::expose_between`].
+    ///
+    /// # Examples
+    /// ```
+    /// # use spikelane::{Camera, Seeds, Sensor, Simulator, simulate::FrameRef};
+    /// # let sensor = Sensor::new(32, 24, 20_000.0)?;
+    /// # let (geometry, light) = (sensor.geometry, vec![51u8; 32 * 24]);
+    /// let mut simulator = Simulator::new(&Camera::ideal(sensor), Seeds::default())?;
+    /// let dark = vec![0u8; light.len()];
+    /// let (from, to) = (FrameRef::u8(&dark, geometry), FrameRef::u8(&light, geometry));
+    /// let mut packed = vec![0; 4 * geometry.frame_bytes()];
+    /// simulator.push_between(from, to, &[0.0, 0.25, 0.5, 0.75], &mut packed)?;
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// See [`Simulator::push`]; weights must lie within 0 to 1.

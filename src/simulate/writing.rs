@@ -40,7 +40,7 @@ impl Writing<'_> {
     ///
     /// # Errors
     /// Those of the file; beside, they may come a few batches late.
-    pub fn append(
+    pub(crate) fn append(
         &mut self,
         index: usize,
         bytes: usize,

@@ -6,6 +6,15 @@ use crate::spikes::Geometry;
 /// Unpacks packed frames of `geometry`, one after the other, into `bits`: a byte of 0 or 1 for
 /// every pixel and readout, row-major, top row first.
 ///
+/// # Examples
+/// ```
+/// let geometry = spikelane::Geometry::new(4, 2)?;
+/// let mut bits = [0u8; 8];
+/// spikelane::spikes::unpack(geometry, &[0b1000_0001], &mut bits)?;
+/// assert_eq!(bits, [1, 0, 0, 0, 0, 0, 0, 1]);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// [`Kind::Usage`] when the slices do not hold the same number of whole frames.
 pub fn unpack(geometry: Geometry, packed: &[u8], bits: &mut [u8]) -> Result<()> {
@@ -18,6 +27,15 @@ pub fn unpack(geometry: Geometry, packed: &[u8], bits: &mut [u8]) -> Result<()> 
 }
 
 /// Packs bytes of 0 and 1, or of 0 and 255, one for every pixel and readout, into packed frames of `geometry`.
+///
+/// # Examples
+/// ```
+/// let geometry = spikelane::Geometry::new(4, 2)?;
+/// let mut packed = [0u8];
+/// spikelane::spikes::pack(geometry, &[1, 0, 0, 0, 0, 0, 0, 1], &mut packed)?;
+/// assert_eq!(packed, [0b1000_0001]);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 ///
 /// # Errors
 /// [`Kind::Usage`] when the slices do not hold the same number of whole frames;

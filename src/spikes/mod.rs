@@ -30,6 +30,13 @@ pub struct Geometry {
 impl Geometry {
     /// A sensor of `width` x `height` pixels.
     ///
+    /// # Examples
+    /// ```
+    /// let geometry = spikelane::Geometry::new(400, 250)?;
+    /// assert_eq!((geometry.pixels(), geometry.frame_bytes()), (100_000, 12_500));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// When a side is zero, or the sensor has more than [`MAX_PIXELS`].
     pub fn new(width: u32, height: u32) -> Result<Self> {
@@ -83,6 +90,16 @@ pub struct Packed<'a> {
 
 impl<'a> Packed<'a> {
     /// A view of `bytes` as whole frames.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Geometry, Packed};
+    /// // Two readouts of 4x2 pixels, a byte each: pixel 0 is the lowest bit.
+    /// let stream = Packed::new(Geometry::new(4, 2)?, &[0b0000_0001, 0b0001_0000])?;
+    /// assert!(stream.get(0, 0, 0) && stream.get(1, 1, 0));
+    /// assert_eq!(stream.readouts(), 2);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// When the length is no multiple of [`Geometry::frame_bytes`].
@@ -140,6 +157,11 @@ impl<'a> Packed<'a> {
 }
 
 /// Bit `p` of a packed frame.
+///
+/// # Examples
+/// ```
+/// assert!(spikelane::spikes::bit(&[0b0000_0100], 2));
+/// ```
 #[must_use]
 pub fn bit(frame: &[u8], p: usize) -> bool {
     frame[p / 8] >> (p % 8) & 1 != 0
@@ -161,6 +183,11 @@ pub fn span_rate(spikes: u32, first: u32, last: u32) -> Option<f64> {
 }
 
 /// The number of spikes in packed bytes.
+///
+/// # Examples
+/// ```
+/// assert_eq!(spikelane::spikes::count(&[0b0000_0111, 0b1000_0000]), 4);
+/// ```
 #[must_use]
 #[inline]
 pub fn count(bytes: &[u8]) -> u64 {

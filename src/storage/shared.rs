@@ -11,7 +11,7 @@ use crate::error::{Error, Kind, Result};
 use crate::storage::writer::{reserve, reserve_error};
 
 /// Bytes of a word.
-pub const WORD: usize = 8;
+const WORD: usize = 8;
 
 /// A mapped file of 64-bit words that other processes may map, read and write meanwhile.
 ///

@@ -9,7 +9,7 @@ use super::phases::Phases;
 use super::{judge, records, version};
 
 /// Where what is said of the sensor of `recorded` now differs from what was said: nothing if every digit came back.
-pub fn differences(recorded: &Value, reference: &Reference) -> Vec<String> {
+pub(crate) fn differences(recorded: &Value, reference: &Reference) -> Vec<String> {
     let now = judge::record(&job(recorded), &strengths(recorded), reference, SMALL, &mut Phases::new(false));
     let mut differences = Vec::new();
     let was = records::kept(recorded.clone());
@@ -24,12 +24,12 @@ pub fn differences(recorded: &Value, reference: &Reference) -> Vec<String> {
 }
 
 /// The record of the sensor called `id` among lines of records.
-pub fn find(lines: &str, id: &str) -> Option<Value> {
+pub(crate) fn find(lines: &str, id: &str) -> Option<Value> {
     lines.lines().filter_map(|l| serde_json::from_str::<Value>(l).ok()).find(|r| r["id"] == id)
 }
 
 /// Judges the sensors of a list again and prints what differs; whether nothing did.
-pub fn run(list: &str, lines: &str, reference: &Reference) -> bool {
+pub(crate) fn run(list: &str, lines: &str, reference: &Reference) -> bool {
     let (mut same, mut all) = (0, 0);
     for id in list.lines() {
         all += 1;

@@ -7,7 +7,7 @@ use serde_json::Value;
 use super::judged::gap;
 
 /// What was hidden in each sensor, what was said of it, and how long that took.
-pub fn each(records: &[Value]) -> String {
+pub(crate) fn each(records: &[Value]) -> String {
     let mut text = String::from(
         "| hidden | said | verdict | held-out gap before and after (floor) | seconds |\n|---|---|---|--:|--:|\n",
     );

@@ -3,19 +3,19 @@
 use super::hidden_sensor::{INSIDE, Kind, OUTSIDE};
 
 /// What is hidden in a sensor.
-pub struct Job {
+pub(crate) struct Job {
     pub class: &'static str,
     pub kinds: Vec<&'static Kind>,
     pub index: usize,
 }
 
 impl Job {
-    pub fn id(&self) -> String {
+    pub(crate) fn id(&self) -> String {
         let names: Vec<String> = self.kinds.iter().map(|k| k.name.replace(' ', "_")).collect();
         format!("{}-{}-{:03}", self.class, names.join("+"), self.index)
     }
 
-    pub fn seed(&self) -> u64 {
+    pub(crate) fn seed(&self) -> u64 {
         // FNV-1a of the name: a sensor is the same in every run of the study.
         self.id()
             .bytes()
@@ -25,7 +25,7 @@ impl Job {
 
 /// All sensors that are asked for, in the order in which they run: so many clean ones, of each single effect, of each from outside,
 /// of doubles and of triples, of the effects in `names` or of all.
-pub fn jobs(counts: [usize; 5], names: &[String]) -> Vec<Job> {
+pub(crate) fn jobs(counts: [usize; 5], names: &[String]) -> Vec<Job> {
     let [nulls, singles, unknown, doubles, triples] = counts;
     let wanted = |k: &&Kind| names.is_empty() || names.iter().any(|n| n == k.name);
     let chosen = |k: &&&'static Kind| spikelane::effects::find(k.name).is_ok() && wanted(k);
@@ -74,7 +74,7 @@ fn several(inside: &[&'static Kind], count: usize, index: usize) -> Vec<&'static
 }
 
 /// A number from 0 to 1, a function of both.
-pub fn uniform(seed: u64, place: u64) -> f64 {
+pub(crate) fn uniform(seed: u64, place: u64) -> f64 {
     // splitmix64
     let mut z = seed.wrapping_add(0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(place + 1));
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 use spikelane::calibrate::RecordingSet;
-use spikelane::diagnose::{Extent, Options, Part, Reference, Setup, diagnose, published};
+use spikelane::diagnose::{DiagnoseOptions, Extent, Part, Reference, Setup, diagnose, published};
 
 use super::hidden_sensor::{Physics, Sensor, Size, changes_bits, write_set};
 use super::jobs::{Job, uniform};
@@ -10,7 +10,7 @@ use super::phases::Phases;
 use super::{score, version};
 
 /// The simulations that all sensors share: they have one protocol and one published model.
-pub fn reference(size: Size, phases: &mut Phases) -> Reference {
+pub(crate) fn reference(size: Size, phases: &mut Phases) -> Reference {
     let folder = tempfile::tempdir().unwrap();
     write_set(&Sensor::new(Physics::default(), size.width, size.height, 1), size, 0, folder.path());
     let set = RecordingSet::open(&folder.path().join("recordings.toml")).unwrap();
@@ -20,7 +20,7 @@ pub fn reference(size: Size, phases: &mut Phases) -> Reference {
 }
 
 /// What is said of the sensor of `job` with its effects at `strengths`; beside each the smallest that can be named.
-pub fn record(
+pub(crate) fn record(
     job: &Job,
     strengths: &[(f64, Option<f64>)],
     reference: &Reference,
@@ -48,7 +48,7 @@ pub fn record(
         write_set(&sensor, size, take, &path);
         RecordingSet::open(&path.join("recordings.toml")).unwrap()
     });
-    let options = Options { reference: Some(reference), seed: 1, ..Options::default() };
+    let options = DiagnoseOptions { reference: Some(reference), seed: 1, ..DiagnoseOptions::default() };
     let found = diagnose(&sets[0], Some(&sets[1]), options, &mut |what, _| phases.enter(what));
     phases.enter("");
     let said = match &found {

@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 /// The held-out gap before anything was added and at the end, the floor, and the floor's deviation.
-pub fn gap(record: &Value) -> Option<[f64; 4]> {
+pub(crate) fn gap(record: &Value) -> Option<[f64; 4]> {
     let gap = &record["said"]["gap"];
     let last = gap["heldout"].as_array()?.last()?.as_f64()?;
     Some([gap["heldout"][0].as_f64()?, last, gap["floor"].as_f64()?, gap["floor_sd"].as_f64()?])
@@ -11,19 +11,19 @@ pub fn gap(record: &Value) -> Option<[f64; 4]> {
 
 /// Sets called explained, and those of them with a held-out excess within the limit.
 #[derive(Clone, Copy)]
-pub struct Gaps {
+pub(crate) struct Gaps {
     pub explained: usize,
     pub shrunk: usize,
 }
 
 impl Gaps {
-    pub fn of(records: &[&Value]) -> Self {
+    pub(crate) fn of(records: &[&Value]) -> Self {
         let mut gaps = Self { explained: 0, shrunk: 0 };
         records.iter().for_each(|r| gaps.add(r));
         gaps
     }
 
-    pub fn add(&mut self, record: &Value) {
+    pub(crate) fn add(&mut self, record: &Value) {
         let ("explained", Some([first, last, floor, sd])) =
             (record["score"]["verdict"].as_str().unwrap_or(""), gap(record))
         else {
@@ -35,7 +35,7 @@ impl Gaps {
 }
 
 /// Whether the interval of the amplitude holds the hidden strength.
-pub fn covers(record: &Value, name: &str) -> Option<bool> {
+pub(crate) fn covers(record: &Value, name: &str) -> Option<bool> {
     let strength = record["hidden"][0]["strength"].as_f64()?;
     let effects = record["said"]["effects"].as_array()?;
     let misfits = record["said"]["misfits"].as_array()?;

@@ -10,6 +10,7 @@
 mod again;
 mod each;
 #[path = "../../tests/hidden_sensor/mod.rs"]
+#[allow(unreachable_pub, reason = "shared with the tests")]
 mod hidden_sensor;
 mod jobs;
 mod judge;

@@ -3,17 +3,17 @@
 use std::time::Instant;
 
 /// Prints how long each phase took, if asked to.
-pub struct Phases {
+pub(crate) struct Phases {
     on: bool,
     now: Option<(String, Instant)>,
 }
 
 impl Phases {
-    pub fn new(on: bool) -> Self {
+    pub(crate) fn new(on: bool) -> Self {
         Self { on, now: None }
     }
 
-    pub fn enter(&mut self, what: &str) {
+    pub(crate) fn enter(&mut self, what: &str) {
         if self.now.as_ref().is_some_and(|n| n.0 == what) {
             return;
         }

@@ -17,12 +17,12 @@ fn of_this_version(record: &Value) -> bool {
 }
 
 /// Whether a file holds what this version of the code said.
-pub fn is_current(path: &Path) -> bool {
+pub(crate) fn is_current(path: &Path) -> bool {
     read(path).is_some_and(|r| of_this_version(&r))
 }
 
 /// What this version of the code said, by name, with its score; records of other versions are left out.
-pub fn all(folder: &Path) -> Vec<Value> {
+pub(crate) fn all(folder: &Path) -> Vec<Value> {
     let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
     files.sort();
     let records = files.iter().filter(|p| p.extension().is_some_and(|e| e == "json"));
@@ -36,7 +36,7 @@ fn scored(mut record: Value) -> Value {
 }
 
 /// Writes the records of this version that `lines` holds and `folder` does not.
-pub fn restore(lines: &Path, folder: &Path) {
+pub(crate) fn restore(lines: &Path, folder: &Path) {
     // A file that cannot be read would be overwritten at the end.
     let text = if lines.exists() { std::fs::read_to_string(lines).unwrap() } else { String::new() };
     let records = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
@@ -50,7 +50,7 @@ pub fn restore(lines: &Path, folder: &Path) {
 }
 
 /// Writes all records of this version, one a line.
-pub fn keep(folder: &Path, lines: &Path) {
+pub(crate) fn keep(folder: &Path, lines: &Path) {
     let mut text = String::new();
     for record in all(folder) {
         text += &format!("{}\n", kept(record));
@@ -59,7 +59,7 @@ pub fn keep(folder: &Path, lines: &Path) {
 }
 
 /// A record with what its line holds.
-pub fn kept(mut record: Value) -> Value {
+pub(crate) fn kept(mut record: Value) -> Value {
     if let Some(said) = record["said"].as_object_mut() {
         LEFT_OUT.iter().for_each(|key| drop(said.remove(*key)));
     }

@@ -55,7 +55,7 @@ fn add(row: &mut Row, record: &Value) {
 
 /// Replaces what lies between the marks of the page, or makes the page. The few sensors of the large size have marks and a table
 /// of their own.
-pub fn write(folder: &Path, path: &Path, large: bool) {
+pub(crate) fn write(folder: &Path, path: &Path, large: bool) {
     let records = super::records::all(folder);
     let (start, end, tables) = if large {
         ("<!-- large -->\n", "<!-- end of large -->", each(&records))

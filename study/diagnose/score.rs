@@ -7,7 +7,7 @@ type Said<'a> = (&'a str, Vec<&'a str>);
 
 /// Compares what `said` names with what is `hidden`. Each name, with its ties, stands for one effect: first those that are
 /// exact, then the others, the one with the fewest open ties first. A name that stands for none is wrong.
-pub fn of(hidden: &Value, said: &Value) -> Value {
+pub(crate) fn of(hidden: &Value, said: &Value) -> Value {
     if said["verdict"].is_null() {
         return json!({ "error": true });
     }

@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 use serde_json::Value;
 
 /// What was found of effects above their smallest nameable strength, and what was said wrongly.
-pub struct Several<'a> {
+pub(crate) struct Several<'a> {
     /// Hidden and found, by name.
     pub rows: BTreeMap<&'a str, [usize; 2]>,
     pub wrong: BTreeMap<&'a str, usize>,
 }
 
 impl<'a> Several<'a> {
-    pub fn of(records: &[&'a Value]) -> Self {
+    pub(crate) fn of(records: &[&'a Value]) -> Self {
         let mut several = Self { rows: BTreeMap::new(), wrong: BTreeMap::new() };
         for record in records {
             let found = |name: &str| list(&record["score"]["found"]).any(|f| f == name);
@@ -32,15 +32,15 @@ impl<'a> Several<'a> {
         several
     }
 
-    pub fn hidden(&self) -> usize {
+    pub(crate) fn hidden(&self) -> usize {
         self.rows.values().map(|r| r[0]).sum()
     }
 
-    pub fn found(&self) -> usize {
+    pub(crate) fn found(&self) -> usize {
         self.rows.values().map(|r| r[1]).sum()
     }
 
-    pub fn wrong(&self) -> usize {
+    pub(crate) fn wrong(&self) -> usize {
         self.wrong.values().sum()
     }
 }

@@ -4,18 +4,18 @@ use std::fmt;
 
 /// `hits` of `of`.
 #[derive(Clone, Copy)]
-pub struct Share {
+pub(crate) struct Share {
     pub hits: usize,
     pub of: usize,
 }
 
 impl Share {
-    pub fn percent(self) -> f64 {
+    pub(crate) fn percent(self) -> f64 {
         100.0 * self.hits as f64 / self.of.max(1) as f64
     }
 
     /// Upper end of the interval of Clopper and Pearson: the share at which as few hits have chance 2.5 %.
-    pub fn upper(self) -> f64 {
+    pub(crate) fn upper(self) -> f64 {
         if self.hits >= self.of {
             return 1.0;
         }

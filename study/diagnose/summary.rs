@@ -16,7 +16,7 @@ struct Asked {
 }
 
 /// What is asked of the study beside what was found.
-pub fn summary(text: &mut String, records: &[Value]) {
+pub(crate) fn summary(text: &mut String, records: &[Value]) {
     let of = |class: &str| records.iter().filter(|r| r["class"] == class).collect::<Vec<_>>();
     let share = |of: &[&Value], hit: &dyn Fn(&Value) -> bool| Share {
         hits: of.iter().filter(|r| hit(r)).count(),
@@ -81,7 +81,7 @@ pub fn summary(text: &mut String, records: &[Value]) {
 }
 
 /// How many ran and how long they took.
-pub fn ran(text: &mut String, records: &[Value]) {
+pub(crate) fn ran(text: &mut String, records: &[Value]) {
     text.push_str(
         "| sensors | ran | meant | seconds: median | mean | longest | at most 15 |\n|---|--:|--:|--:|--:|--:|--:|\n",
     );

@@ -14,16 +14,16 @@
 use serde_json::Value;
 
 /// What decides on whether anything is wrong, how strong an effect can be named, and what makes the sensors.
-pub const ALARM: u32 = 1;
+pub(crate) const ALARM: u32 = 1;
 
 /// What chooses a name, once something is wrong, and tells how strong it is.
-pub const NAMING: u32 = 1;
+pub(crate) const NAMING: u32 = 1;
 
 /// What looks at several names again.
-pub const SEVERAL: u32 = 1;
+pub(crate) const SEVERAL: u32 = 1;
 
 /// The numbers of what judged a sensor of which `said` was said, joined by dots.
-pub fn of(said: &Value) -> String {
+pub(crate) fn of(said: &Value) -> String {
     // The gap is said before any name and after each that is added.
     let added = said["gap"]["train"].as_array().map_or(usize::MAX, Vec::len);
     match added {
@@ -34,6 +34,6 @@ pub fn of(said: &Value) -> String {
 }
 
 /// The number of what raises an alarm.
-pub fn of_the_alarm() -> String {
+pub(crate) fn of_the_alarm() -> String {
     ALARM.to_string()
 }

@@ -20,7 +20,7 @@ const RIGHT: f64 = 0.035;
 const DIM: f64 = 0.12;
 
 /// Absolute errors, in the order of [`super::judge::QUANTITIES`] without the levels.
-pub fn errors(lab: &Lab) -> [f64; 6] {
+pub(crate) fn errors(lab: &Lab) -> [f64; 6] {
     let n = &lab.noise;
     let pixels = lab.usual().count() as f64;
     let [scale, shift] = lamps(lab);
@@ -41,7 +41,7 @@ pub fn errors(lab: &Lab) -> [f64; 6] {
 }
 
 /// Relative error of a level: that of the scale, which no recording tells.
-pub fn level(lab: &Lab) -> f64 {
+pub(crate) fn level(lab: &Lab) -> f64 {
     lamps(lab)[0]
 }
 

@@ -4,13 +4,13 @@ use std::path::Path;
 use std::process::Command;
 
 use serde_json::Value;
-use spikelane::calibrate::{Options, calibrate};
+use spikelane::calibrate::{CalibrateOptions, calibrate};
 
 use super::best;
 use super::lab::Lab;
 
 /// What is compared.
-pub const QUANTITIES: [&str; 7] = [
+pub(crate) const QUANTITIES: [&str; 7] = [
     "mean gain",
     "spread of gain",
     "mean dark rate",
@@ -25,7 +25,7 @@ const WRONG: f64 = 5.0;
 
 /// One estimate and its truth.
 #[derive(Clone, Copy)]
-pub struct Compared {
+pub(crate) struct Compared {
     pub quantity: usize,
     /// Distance from the truth in the estimate's own errors.
     pub z: f64,
@@ -36,7 +36,7 @@ pub struct Compared {
 }
 
 /// What was said of a laboratory.
-pub struct Said {
+pub(crate) struct Said {
     /// Every value that has an error.
     pub compared: Vec<Compared>,
     /// Whether lamps that are off or drift, or a response that bends, were named.
@@ -45,14 +45,14 @@ pub struct Said {
     pub assumed: Vec<usize>,
 }
 
-pub enum Verdict {
+pub(crate) enum Verdict {
     Refused(String),
     Said(Said),
 }
 
 impl Verdict {
     /// What was said and is not so.
-    pub fn wrong(&self) -> Vec<Compared> {
+    pub(crate) fn wrong(&self) -> Vec<Compared> {
         match self {
             Self::Refused(_) => Vec::new(),
             Self::Said(said) => {
@@ -63,15 +63,15 @@ impl Verdict {
 }
 
 /// Calibrates in memory, and compares.
-pub fn judge(lab: &Lab) -> Verdict {
-    match calibrate(&lab.observed(), &Options::default()) {
+pub(crate) fn judge(lab: &Lab) -> Verdict {
+    match calibrate(&lab.observed(), &CalibrateOptions::default()) {
         Ok(found) => compare(lab, &found.to_json()),
         Err(error) => Verdict::Refused(error.to_string()),
     }
 }
 
 /// The same through files and the command line: `program calibrate set.toml --json`, in `folder`.
-pub fn judge_program(lab: &Lab, program: &Path, folder: &Path) -> Verdict {
+pub(crate) fn judge_program(lab: &Lab, program: &Path, folder: &Path) -> Verdict {
     let set = lab.write(folder);
     let mut command = Command::new(program);
     command.arg("calibrate").arg(set).arg("-o").arg(folder.join("calibrated")).arg("--json");

@@ -9,7 +9,7 @@ use spikelane::spikes::Geometry;
 use super::calibrate_support::{Lit, Noise, Pixel, Random, level_of, pixels, traces};
 
 /// What is wrong in a laboratory, in the order in which they are drawn.
-pub const FAULTS: [&str; 15] = [
+pub(crate) const FAULTS: [&str; 15] = [
     "nothing; lamps exact",
     "lamps within 0.1 %",
     "lamps within 1 %, as stated",
@@ -32,7 +32,7 @@ const WIDTH: u32 = 24;
 const HEIGHT: u32 = 16;
 
 /// One recording: the light that falls and the light that is stated, how long, and which pixels see it.
-pub struct Shot {
+pub(crate) struct Shot {
     pub light: f64,
     pub stated: f64,
     pub readouts: u32,
@@ -41,7 +41,7 @@ pub struct Shot {
     seed: u64,
 }
 
-pub struct Lab {
+pub(crate) struct Lab {
     pub fault: &'static str,
     pub noise: Noise,
     pub truth: Vec<Pixel>,
@@ -51,7 +51,7 @@ pub struct Lab {
 
 impl Lab {
     /// The `index`-th laboratory: faults take turns, everything else is drawn by the index.
-    pub fn new(index: u64) -> Self {
+    pub(crate) fn new(index: u64) -> Self {
         let fault = FAULTS[index as usize % FAULTS.len()];
         let mut random = Random::new(0x1AB0_0000 + index);
         let noise = population(&mut random);
@@ -82,13 +82,13 @@ impl Lab {
     }
 
     /// Pixels that are as the population says.
-    pub fn usual(&self) -> impl Iterator<Item = &Pixel> + Clone {
+    pub(crate) fn usual(&self) -> impl Iterator<Item = &Pixel> + Clone {
         let (noise, dead) = (self.noise, |p: &&Pixel| p.gain > 0.0);
         self.truth.iter().filter(dead).filter(move |p| p.dark < noise.dark + 6.0 * noise.dark_sd)
     }
 
     /// What is counted of the recordings, without a file between.
-    pub fn observed(&self) -> Observed {
+    pub(crate) fn observed(&self) -> Observed {
         let one = |(k, shot): (usize, &Shot)| {
             let times = traces(&self.noise, &shot.pixels, shot.lit, shot.readouts, shot.seed);
             // Intervals are looked at where it is dim.
@@ -106,7 +106,7 @@ impl Lab {
     }
 
     /// The recordings as files, bit by bit: readouts of whole bytes, the upper row first. The path of the set that names them.
-    pub fn write(&self, folder: &Path) -> PathBuf {
+    pub(crate) fn write(&self, folder: &Path) -> PathBuf {
         let pixels = (WIDTH * HEIGHT) as usize;
         let mut set =
             format!("width = {WIDTH}\nheight = {HEIGHT}\nreadout_hz = 20000.0\nlayout = \"dat-top\"\n");

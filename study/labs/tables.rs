@@ -8,7 +8,7 @@ use super::share::Share;
 
 type Judged = (&'static str, Verdict);
 
-pub fn all(verdicts: &[Judged]) -> String {
+pub(crate) fn all(verdicts: &[Judged]) -> String {
     faults(verdicts) + &quantities(verdicts) + &by_fault(verdicts)
 }
 

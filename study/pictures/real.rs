@@ -10,7 +10,7 @@ use spikelane::{Geometry, Packed};
 use super::score::{Row, row};
 
 /// Spikes per readout outside of `used`.
-pub fn mean_of_others(packed: Packed, used: Range<usize>) -> Vec<f32> {
+pub(crate) fn mean_of_others(packed: Packed, used: Range<usize>) -> Vec<f32> {
     let all = packed.readouts();
     let (counted, within) = (all as f32, used.len() as f32);
     let whole = tfp(packed, all / 2, all).unwrap();
@@ -22,7 +22,7 @@ pub fn mean_of_others(packed: Packed, used: Range<usize>) -> Vec<f32> {
 /// The scene stands still in these rows of the static recording.
 const STILL: Range<usize> = 100..180;
 
-pub fn rows(folder: &Path) -> Vec<Row> {
+pub(crate) fn rows(folder: &Path) -> Vec<Row> {
     let size = Geometry::new(400, 250).unwrap();
     let still = Reader::open(&folder.join("static_400x250x300.dat"), Some(Layout::Dat), Some(size)).unwrap();
     let dim = Reader::open(&folder.join("lowlight_250x250x120.npz"), None, None).unwrap();

@@ -7,13 +7,13 @@ use spikelane::Packed;
 use spikelane::reconstruct::{psnr, span, tfi_at, tfp};
 
 /// Windows in readouts.
-pub const WINDOWS: [usize; 4] = [11, 21, 41, 161];
+pub(crate) const WINDOWS: [usize; 4] = [11, 21, 41, 161];
 
 /// Readouts on either side that TFI searches.
 const SEARCH: usize = 300;
 
 /// One scene: dB of TFP and of span for every window (none where the stream is shorter), and of TFI.
-pub struct Row {
+pub(crate) struct Row {
     pub name: String,
     pub tfp: [Option<f64>; WINDOWS.len()],
     pub span: [Option<f64>; WINDOWS.len()],
@@ -22,7 +22,12 @@ pub struct Row {
 
 /// Pictures of the middle readout of `packed` against `truth`, which hears of the readouts that a picture is made of. Only
 /// the pixels of `area` count.
-pub fn row(name: &str, packed: Packed, area: Range<usize>, truth: &dyn Fn(Range<usize>) -> Vec<f32>) -> Row {
+pub(crate) fn row(
+    name: &str,
+    packed: Packed,
+    area: Range<usize>,
+    truth: &dyn Fn(Range<usize>) -> Vec<f32>,
+) -> Row {
     let at = packed.readouts() / 2;
     let near = |half: usize| at.saturating_sub(half)..(at + half + 1).min(packed.readouts());
     let score = |rates: &[f32], truth: &[f32]| aligned_psnr(&rates[area.clone()], &truth[area.clone()]);
@@ -54,13 +59,13 @@ fn aligned_psnr(rates: &[f32], truth: &[f32]) -> f64 {
     psnr(&fitted, truth, f64::from(peak(truth))).unwrap()
 }
 
-pub fn peak(truth: &[f32]) -> f32 {
+pub(crate) fn peak(truth: &[f32]) -> f32 {
     let mut sorted = truth.to_vec();
     sorted.sort_by(f32::total_cmp);
     sorted[sorted.len() - 1 - sorted.len() / 1000]
 }
 
-pub fn table(rows: &[Row]) -> String {
+pub(crate) fn table(rows: &[Row]) -> String {
     let mut text = String::from("| scene |");
     for kind in ["TFP", "span"] {
         WINDOWS.iter().for_each(|w| write!(text, " {kind} {w} |").unwrap());

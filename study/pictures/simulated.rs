@@ -84,7 +84,7 @@ fn near(name: &str, camera: &Camera, range: (f32, f32)) -> Row {
     row(name, packed, 0..geometry.pixels(), &|used| super::real::mean_of_others(packed, used))
 }
 
-pub fn rows() -> Vec<Row> {
+pub(crate) fn rows() -> Vec<Row> {
     let (day, dim) = ((0.05, 0.45), (0.005, 0.045));
     let mut rows = vec![
         known("still, no noise", &silent(), day, 0.0),

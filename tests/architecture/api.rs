@@ -3,13 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use crate::graph::Graph;
+use crate::graph::{Graph, is_internal};
 
 const KINDS: &[&str] = &["struct", "enum", "union", "trait", "fn", "const", "static", "type", "mod"];
 
 /// The face and what was counted beside it.
 #[derive(Debug, Default)]
-pub struct Api {
+pub(crate) struct Api {
     /// `kind path`, in order; every thing once, by its shortest path.
     pub items: Vec<String>,
     /// Methods and associated functions of public types.
@@ -29,7 +29,7 @@ type Thing = (Vec<String>, &'static str, String);
 
 impl Api {
     /// Walks from the crate's root through everything public.
-    pub fn of(graph: &Graph, sources: &BTreeMap<PathBuf, String>) -> Self {
+    pub(crate) fn of(graph: &Graph, sources: &BTreeMap<PathBuf, String>) -> Self {
         let mut found: BTreeMap<Thing, String> = BTreeMap::new();
         walk(graph, sources, &[], "spikelane", &mut found, &mut BTreeSet::new());
         let mut api = Self::default();
@@ -45,7 +45,8 @@ impl Api {
                 _ => {}
             }
         }
-        let names: BTreeSet<&str> = found.keys().filter(|t| t.1 != "mod" && t.1 != "fn").map(|t| t.2.as_str()).collect();
+        let names: BTreeSet<&str> =
+            found.keys().filter(|t| t.1 != "mod" && t.1 != "fn").map(|t| t.2.as_str()).collect();
         for (path, text) in sources {
             if public_room(graph, &found, path) {
                 api.count_impls(text, &names);
@@ -56,7 +57,9 @@ impl Api {
     }
 
     fn count_struct(&mut self, text: &str, name: &str, path: &str) {
-        let Some(body) = body(text, &format!("pub struct {name}")) else { return };
+        let Some(body) = body(text, &format!("pub struct {name}")) else {
+            return;
+        };
         let fields = body.lines().filter(|l| l.starts_with("    pub ") && l.contains(':')).count();
         self.fields += fields;
         if fields > 0 {
@@ -65,7 +68,9 @@ impl Api {
     }
 
     fn note(&mut self, text: &str, start: &str, path: &str) {
-        let Some(at) = position(text, start) else { return };
+        let Some(at) = position(text, start) else {
+            return;
+        };
         let before = text[..at].lines().rev().take_while(|l| l.starts_with("#[") || l.starts_with("///"));
         if before.into_iter().any(|l| l.contains("non_exhaustive")) {
             self.growing += 1;
@@ -79,12 +84,17 @@ impl Api {
         for line in text.lines().take_while(|l| !l.starts_with("#[cfg(test)]")) {
             if line.starts_with("impl") {
                 let target = line.split(" for ").last().unwrap_or(line);
-                let own = target.split(|c: char| !(c.is_alphanumeric() || c == '_')).find(|w| names.contains(w));
+                let own =
+                    target.split(|c: char| !(c.is_alphanumeric() || c == '_')).find(|w| names.contains(w));
                 inside = own.is_some() && !line.contains(" for ");
                 self.impls += usize::from(own.is_some());
             } else if line.starts_with('}') {
                 inside = false;
-            } else if inside && line.starts_with("    pub ") && line.contains("fn ") && !line.starts_with("    pub(") {
+            } else if inside
+                && line.starts_with("    pub ")
+                && line.contains("fn ")
+                && !line.starts_with("    pub(")
+            {
                 self.methods += 1;
             }
         }
@@ -120,7 +130,9 @@ fn walk(
         }
     }
     for (path, name) in graph.handed_on(module) {
-        let Some((other, rest)) = graph.leads_to(module, &path) else { continue };
+        let Some((other, rest)) = graph.leads_to(module, &path) else {
+            continue;
+        };
         let path = format!("{shown}::{name}");
         match rest.first() {
             None => {
@@ -128,7 +140,9 @@ fn walk(
                 walk(graph, sources, &other, &path, found, seen);
             }
             Some(last) => {
-                for (kind, own) in defined(&sources[graph.file(&other)]).into_iter().filter(|(_, own)| own == last) {
+                for (kind, own) in
+                    defined(&sources[graph.file(&other)]).into_iter().filter(|(_, own)| own == last)
+                {
                     keep(found, (other.clone(), kind, own), path.clone());
                 }
             }
@@ -148,13 +162,17 @@ fn defined(text: &str) -> Vec<(&'static str, String)> {
     let lines: Vec<&str> = text.lines().collect();
     let mut all = Vec::new();
     for (i, line) in lines.iter().enumerate() {
-        let Some(rest) = line.strip_prefix("pub ") else { continue };
+        let Some(rest) = line.strip_prefix("pub ") else {
+            continue;
+        };
         let words: Vec<&str> = rest.split(|c: char| !(c.is_alphanumeric() || c == '_')).collect();
-        let Some(at) = words.iter().position(|w| KINDS.contains(w)) else { continue };
+        let Some(at) = words.iter().position(|w| KINDS.contains(w)) else {
+            continue;
+        };
         // `const fn` is a function.
         let at = if words[at] == "const" && words.get(at + 1) == Some(&"fn") { at + 1 } else { at };
         let attributes = lines[..i].iter().rev().take_while(|l| l.starts_with("#[") || l.starts_with("///"));
-        if attributes.into_iter().any(|l| l.contains("doc(hidden)")) {
+        if attributes.into_iter().any(|l| l.contains("doc(hidden)") || is_internal(l)) {
             continue;
         }
         let kind = KINDS.iter().find(|k| **k == words[at]).copied().unwrap_or("mod");

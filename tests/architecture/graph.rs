@@ -14,7 +14,7 @@ struct Use {
 }
 
 /// The modules of a source folder.
-pub struct Graph {
+pub(crate) struct Graph {
     files: BTreeMap<Name, PathBuf>,
     uses: BTreeMap<Name, Vec<Use>>,
     arrows: BTreeMap<Name, BTreeSet<Name>>,
@@ -22,7 +22,7 @@ pub struct Graph {
 
 impl Graph {
     /// Reads the sources, given by their paths below `src`.
-    pub fn new(sources: &BTreeMap<PathBuf, String>) -> Self {
+    pub(crate) fn new(sources: &BTreeMap<PathBuf, String>) -> Self {
         let mut graph = Self { files: BTreeMap::new(), uses: BTreeMap::new(), arrows: BTreeMap::new() };
         let mut rest = BTreeMap::new();
         for (path, text) in sources.iter().filter(|(path, _)| path.as_path() != Path::new("main.rs")) {
@@ -40,7 +40,7 @@ impl Graph {
     }
 
     /// The circles, each as its files in alphabetical order.
-    pub fn circles(&self) -> Vec<Vec<PathBuf>> {
+    pub(crate) fn circles(&self) -> Vec<Vec<PathBuf>> {
         let reach: BTreeMap<&Name, BTreeSet<&Name>> =
             self.arrows.keys().map(|m| (m, self.reached(m))).collect();
         let mut circles = BTreeSet::new();
@@ -53,18 +53,18 @@ impl Graph {
     }
 
     /// The file of a module.
-    pub fn file(&self, module: &[String]) -> &PathBuf {
+    pub(crate) fn file(&self, module: &[String]) -> &PathBuf {
         &self.files[module]
     }
 
     /// What a module hands on to everybody: path and name.
-    pub fn handed_on(&self, module: &[String]) -> Vec<(Vec<String>, String)> {
+    pub(crate) fn handed_on(&self, module: &[String]) -> Vec<(Vec<String>, String)> {
         let all = self.uses[module].iter().filter(|u| u.for_all);
         all.map(|u| (u.path.clone(), u.name.clone())).collect()
     }
 
     /// The module that a path leads to and the names behind it, re-exports followed; `None` outside this crate.
-    pub fn leads_to(&self, module: &[String], path: &[String]) -> Option<(Vec<String>, Vec<String>)> {
+    pub(crate) fn leads_to(&self, module: &[String], path: &[String]) -> Option<(Vec<String>, Vec<String>)> {
         self.followed(&module.to_vec(), path, 0)
     }
 
@@ -142,7 +142,7 @@ fn module_of(path: &Path) -> Name {
 
 /// The text without comments, without its tests, and without the rooms that visibilities name.
 fn code_of(text: &str) -> String {
-    let tests = text.find("#[cfg(test)]\nmod ").unwrap_or(text.len());
+    let tests = text.find("#[cfg(test)]\nmod tests {").unwrap_or(text.len());
     let lines = text[..tests].lines().map(|line| line.split("//").next().unwrap_or_default());
     let mut code = lines.collect::<Vec<_>>().join("\n");
     while let Some(at) = code.find("pub(in ") {
@@ -152,6 +152,11 @@ fn code_of(text: &str) -> String {
     code
 }
 
+/// Whether an attribute keeps what follows for this crate's own benches and tests.
+pub(crate) fn is_internal(attribute: &str) -> bool {
+    attribute.contains("feature = \"internals\"") && !attribute.contains("not(feature = \"internals\")")
+}
+
 /// How a `use` may begin.
 const STARTS: &[&str] = &["use ", "pub use ", "pub(super) use ", "pub(crate) use "];
 
@@ -159,11 +164,14 @@ const STARTS: &[&str] = &["use ", "pub use ", "pub(super) use ", "pub(crate) use
 fn taken_apart(code: &str) -> (Vec<Use>, String) {
     let (mut uses, mut rest) = (Vec::new(), String::new());
     let mut open: Option<(&str, String)> = None;
+    let mut inside = false;
     for line in code.lines() {
         let trimmed = line.trim();
-        let begun = STARTS
-            .iter()
-            .find_map(|start| trimmed.strip_prefix(start).map(|tree| (*start, tree.to_owned())));
+        if trimmed.starts_with("#[") {
+            inside |= is_internal(trimmed);
+        }
+        let begun =
+            STARTS.iter().find_map(|start| trimmed.strip_prefix(start).map(|tree| (*start, tree.to_owned())));
         match (&mut open, begun) {
             (Some((_, tree)), _) => tree.push_str(trimmed),
             (None, Some(found)) => open = Some(found),
@@ -174,9 +182,12 @@ fn taken_apart(code: &str) -> (Vec<Use>, String) {
         }
         if open.as_ref().is_some_and(|(_, tree)| tree.ends_with(';')) {
             let (start, tree) = open.take().unwrap_or_default();
-            let (public, for_all) = (start != "use ", start == "pub use ");
-            spread(&[], tree.trim_end_matches(';'), &mut |path, name| uses.push(Use { public, for_all, path, name }));
+            let (public, for_all) = (start != "use ", start == "pub use " && !inside);
+            spread(&[], tree.trim_end_matches(';'), &mut |path, name| {
+                uses.push(Use { public, for_all, path, name })
+            });
         }
+        inside &= trimmed.starts_with("#[") || open.is_some();
     }
     (uses, rest)
 }

@@ -2,7 +2,7 @@
 
 use crate::calibrate_support::score::{Firing, Score, observed, observed_at, score, spread};
 use crate::calibrate_support::{PUBLISHED, Pixel, pixels};
-use spikelane::calibrate::{Calibration, Options, PixelFit, calibrate, nu, psi};
+use spikelane::calibrate::{CalibrateOptions, Calibration, PixelFit, calibrate, nu, psi};
 
 fn report(found: &Calibration, s: &Score, readouts: u32) {
     println!("{} pixels, {readouts} readouts", found.fits.len());
@@ -18,7 +18,7 @@ fn report(found: &Calibration, s: &Score, readouts: u32) {
 fn check(width: u32, height: u32, readouts: u32, seed: u64) {
     let noise = PUBLISHED;
     let truth = pixels(&noise, (width * height) as usize, seed);
-    let found = calibrate(&observed(&noise, &truth, width, readouts), &Options::default()).unwrap();
+    let found = calibrate(&observed(&noise, &truth, width, readouts), &CalibrateOptions::default()).unwrap();
     let line = |f: &PixelFit| [f.a, f.d, f.var_a, f.var_d];
     let lines: Vec<_> = found.fits.iter().map(line).collect();
     let s = score(&noise, &truth, &lines, readouts);
@@ -60,7 +60,7 @@ fn noise_of(width: u32, height: u32, readouts: u32, cameras: u64) -> Vec<[f64; 3
     let one = |camera: u64| {
         let truth = pixels(&noise, (width * height) as usize, 1000 + camera);
         let observed = observed_at(&lights, &noise, &truth, width, readouts, 10 * camera);
-        let found = calibrate(&observed, &Options::default()).unwrap();
+        let found = calibrate(&observed, &CalibrateOptions::default()).unwrap();
         let phi = spread(truth.iter().map(|p| p.phi)).1;
         let all = [
             (found.population.sigma_phi, phi),
@@ -101,7 +101,8 @@ fn hot_pixels_have_thresholds_like_the_others() {
     let mut truth = pixels(&noise, 32 * 20, 77);
     truth[..15].iter_mut().for_each(|p| p.dark = 0.05);
     let lights = [0.0, 0.04, 0.08, 0.3, 0.6];
-    let found = calibrate(&observed_at(&lights, &noise, &truth, 32, 4000, 900), &Options::default()).unwrap();
+    let found = calibrate(&observed_at(&lights, &noise, &truth, 32, 4000, 900), &CalibrateOptions::default())
+        .unwrap();
     assert_eq!(found.hot, (0..15).collect::<Vec<_>>());
     for p in 0..15 {
         let [threshold, sd] = found.threshold[p];

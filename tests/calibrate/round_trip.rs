@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use spikelane::calibrate::{Light, Options, Protocol, RecordingSet, calibrate, observe};
+use spikelane::calibrate::{CalibrateOptions, Light, Protocol, RecordingSet, calibrate, observe};
 use spikelane::effects::find;
 use spikelane::measure::{Estimate, list, of_stream};
 use spikelane::spikes::Geometry;
@@ -21,8 +21,11 @@ fn camera(width: u32, height: u32) -> Camera {
 fn measured(set: &RecordingSet) -> BTreeMap<(String, String), Estimate> {
     let mut all = BTreeMap::new();
     for recording in &set.recordings {
-        let statistics =
-            of_stream(&set.reader(recording).unwrap(), &spikelane::measure::Options::default(), &mut |_| {});
+        let statistics = of_stream(
+            &set.reader(recording).unwrap(),
+            &spikelane::measure::MeasureOptions::default(),
+            &mut |_| {},
+        );
         for named in list(&statistics.unwrap()).unwrap() {
             all.insert((recording.file.clone(), named.key), named.estimate);
         }
@@ -37,7 +40,7 @@ fn round(camera: &Camera, protocol: &Protocol, r: u64) -> BTreeMap<(String, Stri
     let seeds = |shot: u64| Seeds { camera: 3 + r, shot, sequence: 0 };
     let path = protocol.record(camera, seeds(100 + r), folder.path(), false, quiet).unwrap();
     let set = RecordingSet::open(&path).unwrap();
-    let found = calibrate(&observe(&set, quiet).unwrap(), &Options::default()).unwrap();
+    let found = calibrate(&observe(&set, quiet).unwrap(), &CalibrateOptions::default()).unwrap();
     let first = measured(&set);
     let again = found.camera().unwrap();
     let path = protocol.record(&again, seeds(900 + r), folder.path(), true, quiet).unwrap();

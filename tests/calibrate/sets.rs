@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use crate::calibrate_support::{PUBLISHED, level, pixels};
 use spikelane::calibrate::{
-    Light, Observed, Options, Protocol, RecordingSet, Scene, SneeOptions, calibrate, import_maps, observe,
-    predict, snee, write,
+    CalibrateOptions, Light, Observed, Pattern, Protocol, RecordingSet, SneeOptions, calibrate, import_maps,
+    observe, predict, snee, write,
 };
 use spikelane::compare::grey_levels;
 use spikelane::effects::find;
@@ -85,7 +85,7 @@ file = "x.npy"
 light = 0.5
 "#;
     let set = RecordingSet::parse(text, PathBuf::new()).unwrap();
-    assert_eq!(set.recordings[3].light, Light::Scene(Scene::StaticUnknown {}));
+    assert_eq!(set.recordings[3].light, Light::Scene(Pattern::StaticUnknown {}));
     assert_eq!(RecordingSet::parse(&set.to_toml().unwrap(), PathBuf::new()).unwrap(), set);
 }
 
@@ -139,7 +139,7 @@ fn a_level_off_by_a_twentieth_of_a_per_cent_loses_no_pixel() {
     std::fs::write(&off, text).unwrap();
     let [exact, found] = [path, off].map(|p| {
         let observed = observe(&RecordingSet::open(&p).unwrap(), &mut |_, _| {}).unwrap();
-        calibrate(&observed, &Options::default()).unwrap()
+        calibrate(&observed, &CalibrateOptions::default()).unwrap()
     });
     assert_eq!(found.misfits, exact.misfits);
     assert!(found.unknown().is_empty() && found.levels.iter().all(|l| !l.wrong), "{:?}", found.levels);
@@ -155,7 +155,7 @@ fn a_level_off_by_a_tenth_is_named_and_sets_no_scale() {
     let off = folder.path().join("off.toml");
     std::fs::write(&off, text).unwrap();
     let observed = observe(&RecordingSet::open(&off).unwrap(), &mut |_, _| {}).unwrap();
-    let found = calibrate(&observed, &Options::default()).unwrap();
+    let found = calibrate(&observed, &CalibrateOptions::default()).unwrap();
     let wrong: Vec<f64> = found.levels.iter().filter(|l| l.wrong).map(|l| l.stated).collect();
     assert_eq!(wrong, [0.33]);
     // Each pixel's rate is known to 1e-4; 1,536 of them, and the others' lamps are exact.
@@ -214,7 +214,7 @@ fn a_calibrated_camera_has_the_rates_of_the_first() {
     let protocol = flats(&[0.0, 0.04, 0.1, 0.3, 0.6, 0.8], 4000);
     let (folder, path) = record(&protocol);
     let first = observe(&RecordingSet::open(&path).unwrap(), &mut |_, _| {}).unwrap();
-    let found = calibrate(&first, &Options::default()).unwrap();
+    let found = calibrate(&first, &CalibrateOptions::default()).unwrap();
     let files = write(&found, &folder.path().join("out"), false).unwrap();
     assert!(std::fs::read_to_string(&files.report).unwrap().contains("could not tell"));
     let again = presets::load(files.camera.to_str().unwrap()).unwrap();
@@ -250,7 +250,7 @@ fn threads_change_no_number_of_a_calibration() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let of_set = || {
             let observed = observe(&RecordingSet::open(&path).unwrap(), &mut |_, _| {}).unwrap();
-            calibrate(&observed, &Options::default()).unwrap()
+            calibrate(&observed, &CalibrateOptions::default()).unwrap()
         };
         format!("{:?}", pool.install(of_set))
     };
@@ -327,7 +327,7 @@ fn neighbours_that_changed_places_within_their_uncertainty_are_no_contradiction(
     let swapped = folder.path().join("swapped.toml");
     std::fs::write(&swapped, text).unwrap();
     let observed = observe(&RecordingSet::open(&swapped).unwrap(), &mut |_, _| {}).unwrap();
-    let found = calibrate(&observed, &Options::default()).unwrap();
+    let found = calibrate(&observed, &CalibrateOptions::default()).unwrap();
     assert!(found.levels.iter().all(|l| !l.wrong), "{:?}", found.levels);
     assert!(found.levels[3].found() > found.levels[4].found());
 }
@@ -344,7 +344,7 @@ fn a_bend_that_all_pixels_share_is_said_and_held_by_the_error_of_the_gain() {
     std::fs::write(&bent, text).unwrap();
     let [straight, found] = [path, bent].map(|p| {
         let observed = observe(&RecordingSet::open(&p).unwrap(), &mut |_, _| {}).unwrap();
-        calibrate(&observed, &Options::default()).unwrap()
+        calibrate(&observed, &CalibrateOptions::default()).unwrap()
     });
     assert!(found.bends && !straight.bends, "{:?} {:?}", found.bend, straight.bend);
     assert!(found.notes.iter().any(|n| n.contains("bend")), "{:?}", found.notes);
@@ -400,7 +400,7 @@ fn of_three_lamps_the_one_that_is_off_is_named_and_not_the_dark() {
     let off = folder.path().join("off.toml");
     std::fs::write(&off, text).unwrap();
     let observed = observe(&RecordingSet::open(&off).unwrap(), &mut |_, _| {}).unwrap();
-    let found = calibrate(&observed, &Options::default()).unwrap();
+    let found = calibrate(&observed, &CalibrateOptions::default()).unwrap();
     let wrong: Vec<f64> = found.levels.iter().filter(|l| l.wrong).map(|l| l.stated).collect();
     assert_eq!(wrong, [0.83]);
 }

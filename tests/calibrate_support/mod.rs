@@ -2,7 +2,7 @@
 //! its types for results.
 #![allow(dead_code, reason = "each test takes what it needs")]
 
-pub mod score;
+pub(crate) mod score;
 
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
@@ -11,25 +11,25 @@ use rayon::prelude::*;
 use spikelane::calibrate::Level;
 
 /// A generator that the library does not use, and normal draws of another library.
-pub struct Random(Pcg64Dxsm);
+pub(crate) struct Random(Pcg64Dxsm);
 
 impl Random {
-    pub fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self(Pcg64Dxsm::seed_from_u64(seed))
     }
 
-    pub fn uniform(&mut self) -> f64 {
+    pub(crate) fn uniform(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    pub fn normal(&mut self) -> f64 {
+    pub(crate) fn normal(&mut self) -> f64 {
         StandardNormal.sample(&mut self.0)
     }
 }
 
 /// The published noise: relative to nominal threshold and to the light that saturates.
 #[derive(Clone, Copy)]
-pub struct Noise {
+pub(crate) struct Noise {
     pub threshold_sd: f64,
     pub gain_sd: f64,
     pub dark: f64,
@@ -39,7 +39,7 @@ pub struct Noise {
     pub lost: f64,
 }
 
-pub const PUBLISHED: Noise = Noise {
+pub(crate) const PUBLISHED: Noise = Noise {
     threshold_sd: 0.0497 / 1.0924,
     gain_sd: 0.0577,
     dark: 0.00468,
@@ -51,23 +51,23 @@ pub const PUBLISHED: Noise = Noise {
 
 /// A pixel of known truth: threshold (of its voltage alone), gain and dark current.
 #[derive(Clone, Copy)]
-pub struct Pixel {
+pub(crate) struct Pixel {
     pub phi: f64,
     pub gain: f64,
     pub dark: f64,
 }
 
 impl Pixel {
-    pub fn a(&self) -> f64 {
+    pub(crate) fn a(&self) -> f64 {
         self.gain / self.phi
     }
 
-    pub fn d(&self) -> f64 {
+    pub(crate) fn d(&self) -> f64 {
         self.dark / self.phi
     }
 }
 
-pub fn pixels(noise: &Noise, count: usize, seed: u64) -> Vec<Pixel> {
+pub(crate) fn pixels(noise: &Noise, count: usize, seed: u64) -> Vec<Pixel> {
     let mut random = Random::new(seed);
     let mut pixel = || Pixel {
         phi: 1.0 + noise.threshold_sd * random.normal(),
@@ -78,26 +78,26 @@ pub fn pixels(noise: &Noise, count: usize, seed: u64) -> Vec<Pixel> {
 }
 
 /// When a pixel fired, in readouts.
-pub struct Trace {
+pub(crate) struct Trace {
     pub times: Vec<u32>,
 }
 
 /// Light on the sensor, and by how much of it it rises while it is recorded.
 #[derive(Clone, Copy)]
-pub struct Lit {
+pub(crate) struct Lit {
     pub light: f64,
     pub rise: f64,
 }
 
 impl Lit {
-    pub const fn steady(light: f64) -> Self {
+    pub(crate) const fn steady(light: f64) -> Self {
         Self { light, rise: 0.0 }
     }
 }
 
 /// One pixel under one light. Between the zone where threshold noise can decide and a
 /// spike, charge is added in one step of many readouts: the sum of that many normal draws.
-pub fn run(noise: &Noise, pixel: &Pixel, lit: Lit, readouts: u32, random: &mut Random) -> Trace {
+pub(crate) fn run(noise: &Noise, pixel: &Pixel, lit: Lit, readouts: u32, random: &mut Random) -> Trace {
     let light = lit.light;
     let mean_at =
         |t: f64| pixel.gain * light * (1.0 + lit.rise * (t / f64::from(readouts) - 0.5)) + pixel.dark;
@@ -169,7 +169,7 @@ fn slope(times: &[u32]) -> f64 {
 }
 
 /// When each pixel fired, at one light.
-pub fn traces(noise: &Noise, pixels: &[Pixel], lit: Lit, readouts: u32, seed: u64) -> Vec<Vec<u32>> {
+pub(crate) fn traces(noise: &Noise, pixels: &[Pixel], lit: Lit, readouts: u32, seed: u64) -> Vec<Vec<u32>> {
     let trace = |(p, pixel): (usize, &Pixel)| {
         let mut random = Random::new(seed.wrapping_mul(1_000_003).wrapping_add(p as u64));
         run(noise, pixel, lit, readouts, &mut random).times
@@ -178,7 +178,7 @@ pub fn traces(noise: &Noise, pixels: &[Pixel], lit: Lit, readouts: u32, seed: u6
 }
 
 /// What is counted of spikes at a light; intervals are looked at where `dim`.
-pub fn level_of(times: &[Vec<u32>], light: f64, readouts: u32, dim: bool) -> Level {
+pub(crate) fn level_of(times: &[Vec<u32>], light: f64, readouts: u32, dim: bool) -> Level {
     let count = times.iter().map(|t| t.len() as u32).collect();
     let ends = |at: fn(&Vec<u32>) -> Option<&u32>| -> Vec<u32> {
         times.iter().map(|t| at(t).copied().unwrap_or(u32::MAX)).collect()
@@ -196,6 +196,13 @@ pub fn level_of(times: &[Vec<u32>], light: f64, readouts: u32, dim: bool) -> Lev
 }
 
 /// All pixels at one steady light.
-pub fn level(noise: &Noise, pixels: &[Pixel], light: f64, readouts: u32, seed: u64, dim: bool) -> Level {
+pub(crate) fn level(
+    noise: &Noise,
+    pixels: &[Pixel],
+    light: f64,
+    readouts: u32,
+    seed: u64,
+    dim: bool,
+) -> Level {
     level_of(&traces(noise, pixels, Lit::steady(light), readouts, seed), light, readouts, dim)
 }

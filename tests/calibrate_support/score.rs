@@ -7,20 +7,20 @@ use spikelane::spikes::Geometry;
 use super::{Noise, Pixel, Random, level};
 
 /// The paper's 25 grey levels.
-pub const LEVELS: u32 = 25;
+pub(crate) const LEVELS: u32 = 25;
 
-pub fn light(k: u32) -> f64 {
+pub(crate) fn light(k: u32) -> f64 {
     f64::from(10 * k) / 255.0
 }
 
 /// The paper's levels of all pixels.
-pub fn observed(noise: &Noise, truth: &[Pixel], width: u32, readouts: u32) -> Observed {
+pub(crate) fn observed(noise: &Noise, truth: &[Pixel], width: u32, readouts: u32) -> Observed {
     let lights: Vec<f64> = (0..LEVELS).map(light).collect();
     observed_at(&lights, noise, truth, width, readouts, 77)
 }
 
 /// Some levels of all pixels; the generators' seeds count up from `seed`.
-pub fn observed_at(
+pub(crate) fn observed_at(
     lights: &[f64],
     noise: &Noise,
     truth: &[Pixel],
@@ -40,13 +40,13 @@ pub fn observed_at(
 /// The draws at which a pixel fires, by increment in units of the noise. It fires at the first draw below its
 /// charge, so a slow pixel fires at low draws of little variance. Simulated directly: 50,000
 /// spikes a point, so 0.6 % of the variance.
-pub struct Firing {
+pub(crate) struct Firing {
     /// Logarithm of the increment, variance over that of all draws, rate gained over `sigma^2`.
     by_log: Vec<[f64; 3]>,
 }
 
 impl Firing {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let at = |i: i32| {
             let g = (0.25 * f64::from(i)).exp();
             let (mean, variance) = simulate(g, (1000 + i) as u64);
@@ -57,13 +57,13 @@ impl Firing {
     }
 
     /// Variance of the draws that fire, over that of all draws.
-    pub fn variance(&self, g: f64) -> f64 {
+    pub(crate) fn variance(&self, g: f64) -> f64 {
         self.at(g, 1)
     }
 
     /// Rate that the noise adds, over its variance. Above 4 only one draw decides a spike, all fire
     /// alike within 0.3 %, and the simulated mean would be less sharp than that.
-    pub fn gain(&self, g: f64) -> f64 {
+    pub(crate) fn gain(&self, g: f64) -> f64 {
         if g > 4.0 { 1.0 } else { self.at(g, 2) }
     }
 
@@ -102,7 +102,7 @@ fn simulate(g: f64, seed: u64) -> (f64, f64) {
 }
 
 /// Bounds on the variances of `a` and `d` of a pixel.
-pub struct Bound {
+pub(crate) struct Bound {
     /// With the pixel's threshold known.
     pub known: [f64; 2],
     /// With the threshold known as far as `a`, `d` and the population tell it.
@@ -112,7 +112,7 @@ pub struct Bound {
 /// Fisher information of a pixel's rates by time about `a`, `d` and its threshold, with the phase noise of
 /// each level (light's quanta only where there is light). The threshold moves the rate that
 /// redrawn noise adds; its own prior is that of normal thresholds, gains and currents, of which `(a, d)` is given.
-pub fn bound(noise: &Noise, firing: &Firing, pixel: &Pixel, readouts: u32) -> Bound {
+pub(crate) fn bound(noise: &Noise, firing: &Firing, pixel: &Pixel, readouts: u32) -> Bound {
     let mut j = [[0.0; 3]; 3];
     for light in (0..LEVELS).map(light) {
         let x = pixel.a() * light + pixel.d();
@@ -146,7 +146,7 @@ pub fn bound(noise: &Noise, firing: &Firing, pixel: &Pixel, readouts: u32) -> Bo
 
 /// Errors of `a` and `d`.
 #[derive(Clone, Copy, Debug)]
-pub struct Score {
+pub(crate) struct Score {
     /// Root mean square error over the bound's, thresholds unknown.
     pub ratio: [f64; 2],
     /// The same, thresholds known.
@@ -158,10 +158,10 @@ pub struct Score {
 }
 
 /// One pixel's result: `a`, `d` and their variances.
-pub type Line = [f64; 4];
+pub(crate) type Line = [f64; 4];
 
 /// All pixels with a dark rate (three spikes or more expected, so that a bound exists).
-pub fn score(noise: &Noise, truth: &[Pixel], found: &[Line], readouts: u32) -> Score {
+pub(crate) fn score(noise: &Noise, truth: &[Pixel], found: &[Line], readouts: u32) -> Score {
     let firing = Firing::new();
     let (mut squares, mut bounds, mut known) = ([0.0; 2], [0.0; 2], [0.0; 2]);
     let (mut inside, mut n) = ([0.0; 2], 0.0);
@@ -188,7 +188,7 @@ pub fn score(noise: &Noise, truth: &[Pixel], found: &[Line], readouts: u32) -> S
 }
 
 /// Mean and standard deviation.
-pub fn spread(values: impl Iterator<Item = f64>) -> (f64, f64) {
+pub(crate) fn spread(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let values: Vec<f64> = values.collect();
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     let squares = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>();

@@ -11,14 +11,14 @@ use spikelane::simulate::FrameRef;
 use spikelane::{Geometry, Plan, Seeds, Sensor, Simulator};
 
 /// Draws for the exact law that share no code with the crate's.
-pub struct Independent {
+pub(crate) struct Independent {
     rng: Pcg64,
     /// Building a distribution costs more than drawing from it, and light is constant here.
     poisson: (f64, Option<Poisson<f64>>),
 }
 
 impl Independent {
-    pub fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self { rng: Pcg64::seed_from_u64(seed), poisson: (f64::NAN, None) }
     }
 }
@@ -41,32 +41,32 @@ impl Noise for Independent {
 }
 
 /// Spike times of every pixel, in readouts.
-pub struct Times {
+pub(crate) struct Times {
     pub readouts: usize,
     pub pixels: Vec<Vec<u32>>,
 }
 
 /// A sensor with the circuit of the presets.
-pub fn sensor(width: u32, height: u32) -> Sensor {
+pub(crate) fn sensor(width: u32, height: u32) -> Sensor {
     Sensor::new(width, height, 20_000.0).unwrap()
 }
 
 /// `camera` cut to `width` x `height`.
-pub fn sized(mut camera: Camera, width: u32, height: u32) -> Camera {
+pub(crate) fn sized(mut camera: Camera, width: u32, height: u32) -> Camera {
     camera.sensor.geometry = Geometry::new(width, height).unwrap();
     camera
 }
 
-pub fn preset(name: &str, width: u32, height: u32) -> Camera {
+pub(crate) fn preset(name: &str, width: u32, height: u32) -> Camera {
     sized(spikelane::presets::builtin(name).unwrap(), width, height)
 }
 
-pub fn seeds(shot: u64) -> Seeds {
+pub(crate) fn seeds(shot: u64) -> Seeds {
     Seeds { camera: 5, shot, sequence: 0 }
 }
 
 /// The exact law of every pixel, `light` full scales each, after `warm` readouts that are not kept.
-pub fn oracle(model: &Model, light: &[f32], warm: usize, readouts: usize, seed: u64) -> Times {
+pub(crate) fn oracle(model: &Model, light: &[f32], warm: usize, readouts: usize, seed: u64) -> Times {
     let pixels = (0..model.circuit.pixels()).map(|p| {
         let mut noise = Independent::new(seed.wrapping_mul(1_000_003).wrapping_add(p as u64));
         one(model, &model.law(p), f64::from(light[p]), warm, readouts, &mut noise)
@@ -97,14 +97,14 @@ fn one(
 }
 
 /// The plan on the fastest backend, under the same conditions.
-pub fn planned(camera: &Camera, seeds: Seeds, light: &[f32], warm: usize, readouts: usize) -> Times {
+pub(crate) fn planned(camera: &Camera, seeds: Seeds, light: &[f32], warm: usize, readouts: usize) -> Times {
     let bytes = packed(camera, seeds, light, warm + readouts);
     let frame = camera.sensor.geometry.frame_bytes();
     unpack(&bytes[warm * frame..], camera.sensor.geometry)
 }
 
 /// The plan's packed stream.
-pub fn packed(camera: &Camera, seeds: Seeds, light: &[f32], readouts: usize) -> Vec<u8> {
+pub(crate) fn packed(camera: &Camera, seeds: Seeds, light: &[f32], readouts: usize) -> Vec<u8> {
     let greatest = light.iter().fold(1.0f32, |a, &b| a.max(b));
     let plan = Plan::with_light(camera, seeds, f64::from(greatest)).unwrap();
     let mut bytes = vec![0; readouts * camera.sensor.geometry.frame_bytes()];
@@ -113,7 +113,7 @@ pub fn packed(camera: &Camera, seeds: Seeds, light: &[f32], readouts: usize) -> 
     bytes
 }
 
-pub fn unpack(bytes: &[u8], geometry: Geometry) -> Times {
+pub(crate) fn unpack(bytes: &[u8], geometry: Geometry) -> Times {
     let mut pixels = vec![Vec::new(); geometry.pixels()];
     let frames = bytes.chunks_exact(geometry.frame_bytes());
     let readouts = frames.len();
@@ -131,14 +131,14 @@ pub fn unpack(bytes: &[u8], geometry: Geometry) -> Times {
 
 /// A mean over pixels and its standard error from their scatter.
 #[derive(Clone, Copy, Debug)]
-pub struct Estimate {
+pub(crate) struct Estimate {
     pub mean: f64,
     pub error: f64,
     pub pixels: usize,
 }
 
 impl Estimate {
-    pub fn of(values: impl Iterator<Item = f64>) -> Self {
+    pub(crate) fn of(values: impl Iterator<Item = f64>) -> Self {
         let values: Vec<f64> = values.collect();
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
@@ -147,7 +147,7 @@ impl Estimate {
     }
 
     /// The difference in units of the joint standard error, which is at least `floor`.
-    pub fn sigmas(self, other: Self, floor: f64) -> f64 {
+    pub(crate) fn sigmas(self, other: Self, floor: f64) -> f64 {
         (self.mean - other.mean) / self.error.hypot(other.error).max(floor)
     }
 }
@@ -160,16 +160,16 @@ impl std::fmt::Display for Estimate {
 
 impl Times {
     /// Spikes per readout of every pixel.
-    pub fn rates(&self) -> impl Iterator<Item = f64> + '_ {
+    pub(crate) fn rates(&self) -> impl Iterator<Item = f64> + '_ {
         self.pixels.iter().map(|t| t.len() as f64 / self.readouts as f64)
     }
 
-    pub fn rate(&self) -> Estimate {
+    pub(crate) fn rate(&self) -> Estimate {
         Estimate::of(self.rates())
     }
 
     /// Standard deviation over the pixels of the rate, over its mean.
-    pub fn spread(&self) -> f64 {
+    pub(crate) fn spread(&self) -> f64 {
         let rate = self.rate();
         rate.error * (rate.pixels as f64).sqrt() / rate.mean
     }
@@ -177,7 +177,7 @@ impl Times {
     /// `D(n)`: per pixel the mean square of `t[k+n] - t[k]` about `n` times the pixel's own
     /// mean interval (last minus first spike, over their number less one), then the mean over
     /// the pixels that hold more than `1.5 n` spikes.
-    pub fn d(&self, n: usize) -> Estimate {
+    pub(crate) fn d(&self, n: usize) -> Estimate {
         Estimate::of(self.pixels.iter().filter(|t| 2 * t.len() > 3 * n && t.len() > n + 1).map(|t| {
             let mean = mean_interval(t);
             let square = |(a, b): (&u32, &u32)| (f64::from(b - a) - n as f64 * mean).powi(2);
@@ -186,7 +186,7 @@ impl Times {
     }
 
     /// Share of the intervals that are neither floor nor ceiling of their pixel's mean.
-    pub fn outliers(&self) -> f64 {
+    pub(crate) fn outliers(&self) -> f64 {
         let (mut outside, mut all) = (0, 0);
         for t in self.pixels.iter().filter(|t| t.len() > 1) {
             let mean = mean_interval(t);
@@ -201,18 +201,18 @@ impl Times {
     }
 }
 
-pub fn mean_interval(times: &[u32]) -> f64 {
+pub(crate) fn mean_interval(times: &[u32]) -> f64 {
     f64::from(times[times.len() - 1] - times[0]) / (times.len() - 1) as f64
 }
 
 /// One value of light per pixel, Gaussian about `mean` with the relative spread `spread`.
-pub fn spread_light(mean: f64, spread: f64, pixels: usize, seed: u64) -> Vec<f32> {
+pub(crate) fn spread_light(mean: f64, spread: f64, pixels: usize, seed: u64) -> Vec<f32> {
     let mut noise = Independent::new(seed);
     (0..pixels).map(|_| (mean * (1.0 + spread * noise.normal())).max(0.0) as f32).collect()
 }
 
 /// Correlation coefficient of two series.
-pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn correlation(a: &[f64], b: &[f64]) -> f64 {
     let n = a.len() as f64;
     let (ma, mb) = (a.iter().sum::<f64>() / n, b.iter().sum::<f64>() / n);
     let dot = |x: &[f64], mx: f64, y: &[f64], my: f64| -> f64 {
@@ -222,7 +222,7 @@ pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// Every pixel's stored charge in its own thresholds, read from the saved state.
-pub fn charges(plan: &Plan, state: &spikelane::plan::State) -> Vec<f64> {
+pub(crate) fn charges(plan: &Plan, state: &spikelane::plan::State) -> Vec<f64> {
     let bytes = state.to_bytes();
     let word = |i: usize| i16::from_le_bytes([bytes[64 + 2 * i], bytes[65 + 2 * i]]);
     let padded = plan.padded();
@@ -236,7 +236,7 @@ pub fn charges(plan: &Plan, state: &spikelane::plan::State) -> Vec<f64> {
 }
 
 /// Pixels of `camera` alike: `effects` by name, key and value on an ideal camera.
-pub fn camera_with(width: u32, height: u32, effects: &[(&str, &[(&str, f64)])]) -> Camera {
+pub(crate) fn camera_with(width: u32, height: u32, effects: &[(&str, &[(&str, f64)])]) -> Camera {
     effects.iter().fold(Camera::ideal(sensor(width, height)), |camera, (name, values)| {
         let effect = spikelane::effects::find(name).unwrap().neutral();
         camera.with(values.iter().fold(effect, |e, (key, v)| e.with(key, *v).unwrap()))

@@ -10,16 +10,16 @@ use spikelane::simulate::{FrameRef, Simulator};
 use spikelane::spikes::{Geometry, Packed};
 use spikelane::{Camera, Seeds, presets};
 
-pub const WIDTH: u32 = 32;
-pub const HEIGHT: u32 = 24;
-pub const READOUTS: usize = 1024;
+pub(crate) const WIDTH: u32 = 32;
+pub(crate) const HEIGHT: u32 = 24;
+pub(crate) const READOUTS: usize = 1024;
 
 /// What the sensors' fixed pattern is made of.
-pub const PATTERNS: [&str; 3] = ["white", "rows", "columns"];
+pub(crate) const PATTERNS: [&str; 3] = ["white", "rows", "columns"];
 
 /// Which repetition an error speaks of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Meaning {
+pub(crate) enum Meaning {
     /// One sensor, recorded again and again.
     Recording,
     /// Sensors of one kind, each recorded once.
@@ -27,7 +27,7 @@ pub enum Meaning {
 }
 
 /// The camera `physical` with a gain spread of 2 % and nothing that makes single pixels stand out, and lines of 2 %.
-pub fn camera(pattern: &str) -> Camera {
+pub(crate) fn camera(pattern: &str) -> Camera {
     let mut camera = presets::builtin("physical").unwrap().without("hot_pixels").without("dark_tail");
     camera.sensor.geometry = Geometry::new(WIDTH, HEIGHT).unwrap();
     let lines = |name: &str| find(name).unwrap().neutral().with("sigma", 0.02).unwrap();
@@ -39,7 +39,7 @@ pub fn camera(pattern: &str) -> Camera {
 }
 
 /// What `measure` says of one recording of a camera under even light.
-pub fn recorded(camera: &Camera, rate: f64, seeds: Seeds) -> Recording {
+pub(crate) fn recorded(camera: &Camera, rate: f64, seeds: Seeds) -> Recording {
     let geometry = camera.sensor.geometry;
     let light = camera.operating(rate).light as f32;
     let samples = vec![light; geometry.pixels()];
@@ -50,7 +50,7 @@ pub fn recorded(camera: &Camera, rate: f64, seeds: Seeds) -> Recording {
 }
 
 /// `count` recordings: of the sensor with camera seed 1, or of as many sensors.
-pub fn recordings(pattern: &str, rate: f64, meaning: Meaning, count: u64) -> Vec<Vec<Told>> {
+pub(crate) fn recordings(pattern: &str, rate: f64, meaning: Meaning, count: u64) -> Vec<Vec<Told>> {
     let camera = camera(pattern);
     let one = |k: u64| {
         let seeds = match meaning {
@@ -64,7 +64,7 @@ pub fn recordings(pattern: &str, rate: f64, meaning: Meaning, count: u64) -> Vec
 
 /// How one statistic fared.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Coverage {
+pub(crate) struct Coverage {
     /// Intervals of 95 % that hold the truth.
     pub held: usize,
     /// Intervals.
@@ -105,7 +105,7 @@ fn zero(key: &str, pattern: &str, meaning: Meaning) -> bool {
 }
 
 /// Judges every statistic. The truth of a recording is the mean of all others, whose own error widens the interval, or 0.
-pub fn judge(all: &[Vec<Told>], pattern: &str, meaning: Meaning) -> BTreeMap<String, Coverage> {
+pub(crate) fn judge(all: &[Vec<Told>], pattern: &str, meaning: Meaning) -> BTreeMap<String, Coverage> {
     let mut found = BTreeMap::new();
     for i in 0..all[0].len() {
         let of: Vec<&Told> = all.iter().map(|told| &told[i]).collect();
@@ -156,7 +156,7 @@ fn coverage(of: &[&Told], zero: bool, meaning: Meaning) -> Coverage {
 }
 
 /// Chance that `of` intervals of 95 % hold the truth `held` times or more extremely, on the nearer side.
-pub fn chance(held: usize, of: usize) -> f64 {
+pub(crate) fn chance(held: usize, of: usize) -> f64 {
     let log = |k: usize| (1..=k).map(|i| (i as f64).ln()).sum::<f64>();
     let all = log(of);
     let exactly = |k: usize| {

@@ -5,37 +5,34 @@ use std::fs;
 use std::path::Path;
 
 use spikelane::dataset::{
-    self, Drives, Images, Inputs, Manifest, Options, Record, Report, Status, Structure, Work,
+    self, DatasetOptions, Drives, Inputs, Manifest, Record, Report, Status, Structure, Work,
 };
 use spikelane::light::{Fit, Insertion};
 use spikelane::scene::Lighting;
 use spikelane::{Error, Geometry, Kind, Result, presets};
 
-fn options(output: &Path, work: Work) -> Options {
+fn options(output: &Path, work: Work) -> DatasetOptions {
     let mut camera = presets::builtin("physical").unwrap();
     camera.sensor.geometry = Geometry::new(48, 32).unwrap();
-    Options {
-        output: output.to_owned(),
-        work,
-        camera,
-        images: Images::default(),
-        seed: 5,
-        camera_seed: 1,
-        scene_seed: 5,
-        structure: Structure::SpikeCv,
-        test_share: 0.3,
-        licence: Some("CC-BY-4.0".into()),
-        threads: 1,
-        resume: false,
-    }
+    DatasetOptions::new(output.to_owned(), work, camera)
+        .with_seed(5)
+        .with_camera_seed(1)
+        .with_scene_seed(5)
+        .with_structure(Structure::SpikeCv)
+        .with_test_share(0.3)
+        .with_licence(Some("CC-BY-4.0".into()))
 }
 
 fn drives(sequences: u32) -> Work {
-    let some = Drives { sequences, images: 12, readouts_per_image: 2, label_every: 6, ..Drives::rhdd() };
-    Work::Drives(Drives { lighting: Some(Lighting::Overcast), ..some })
+    let some = Drives::rhdd()
+        .with_sequences(sequences)
+        .with_images(12)
+        .with_readouts_per_image(2)
+        .with_label_every(6);
+    Work::Drives(some.with_lighting(Some(Lighting::Overcast)))
 }
 
-fn make(options: &Options) -> Result<Report> {
+fn make(options: &DatasetOptions) -> Result<Report> {
     dataset::make(options, &mut |_| Ok(()))
 }
 
@@ -83,7 +80,7 @@ fn labels_come_in_kittis_pictures_and_light_in_exr_when_asked_for() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("set");
     let Work::Drives(some) = drives(1) else { panic!("scenes") };
-    make(&options(&out, Work::Drives(Drives { kitti: true, exr: true, ..some }))).unwrap();
+    make(&options(&out, Work::Drives(some.with_kitti(true).with_exr(true)))).unwrap();
     let at = |name: &str| out.join("sequences/scene-0000/labels").join(name);
     // Depth in steps of 1/256 m, beside the exact one.
     let depth = image::open(at("000012.depth.kitti.png")).unwrap().into_luma16();
@@ -125,7 +122,7 @@ fn a_changed_input_is_made_again() {
         clip(&clips.join(name), 200);
     }
     make(&options(&out, inputs(&clips))).unwrap();
-    let resumed = || make(&Options { resume: true, ..options(&out, inputs(&clips)) }).unwrap();
+    let resumed = || make(&options(&out, inputs(&clips)).with_resume(true)).unwrap();
     assert_eq!(resumed(), Report { verified: 2, ..Report::default() });
     clip(&clips.join("b"), 90);
     assert_eq!(resumed(), Report { made: 1, verified: 1, ..Report::default() });
@@ -138,7 +135,7 @@ fn threads_change_no_byte() {
     for threads in [1, 2] {
         // The name of the folder is part of SpikeCV's file.
         let out = dir.path().join(threads.to_string()).join("set");
-        make(&Options { threads, ..options(&out, drives(1)) }).unwrap();
+        make(&options(&out, drives(1)).with_threads(threads)).unwrap();
         found.push(files(&out));
     }
     assert!(found[0] == found[1]);
@@ -148,7 +145,7 @@ fn threads_change_no_byte() {
 fn the_split_of_scenes_is_exact_and_of_inputs_stays() {
     let ids = |n: u32| -> Vec<String> { (0..n).map(|i| format!("scene-{i:04}")).collect() };
     let tests = |share: f64, n: u32, work: Work| {
-        let options = Options { test_share: share, ..options(Path::new("nowhere"), work) };
+        let options = options(Path::new("nowhere"), work).with_test_share(share);
         options.tests(&ids(n))
     };
     let count = |share, n| tests(share, n, drives(n)).into_iter().filter(|t| *t).count();
@@ -187,7 +184,7 @@ fn resume_makes_a_corrupted_and_a_missing_sequence_again_and_no_other() {
     *bytes.last_mut().unwrap() ^= 1;
     fs::write(&broken, bytes).unwrap();
     fs::remove_file(out.join("sequences/scene-0002/images/000002.png")).unwrap();
-    let report = make(&Options { resume: true, ..options(&out, drives(3)) }).unwrap();
+    let report = make(&options(&out, drives(3)).with_resume(true)).unwrap();
     assert_eq!(report, Report { made: 2, verified: 1, failed: 0, ..Report::default() });
     assert!(files(&out) == before);
 }
@@ -198,7 +195,7 @@ fn resume_with_other_options_is_refused() {
     let out = dir.path().join("set");
     make(&options(&out, drives(1))).unwrap();
     assert_eq!(make(&options(&out, drives(1))).unwrap_err().kind(), Kind::Exists);
-    let other = Options { seed: 6, resume: true, ..options(&out, drives(1)) };
+    let other = options(&out, drives(1)).with_seed(6).with_resume(true);
     let error = make(&other).unwrap_err();
     assert_eq!(error.kind(), Kind::Config);
     assert!(error.to_string().contains("seed = 6"), "{error}");
@@ -217,7 +214,7 @@ fn an_interrupted_run_leaves_nothing_that_looks_finished() {
     let left: Vec<_> = fs::read_dir(out.join("sequences")).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert_eq!(left, ["scene-0000"]);
     assert_eq!(Manifest::read(&out).unwrap().entries[1].status, Status::Planned);
-    let report = make(&Options { resume: true, ..options(&out, drives(2)) }).unwrap();
+    let report = make(&options(&out, drives(2)).with_resume(true)).unwrap();
     assert_eq!((report.made, report.verified), (1, 1));
     assert!(files(&out) == files(&whole));
 }
@@ -276,7 +273,7 @@ fn many_clips_become_sequences_of_their_own_and_broken_ones_are_set_aside() {
     fs::remove_file(clips.join("bad.y4m")).unwrap();
     fs::remove_dir_all(clips.join("bad")).unwrap();
     clip(&clips.join("bad"), 90);
-    let report = make(&Options { resume: true, ..options(&out, inputs(&clips)) }).unwrap();
+    let report = make(&options(&out, inputs(&clips)).with_resume(true)).unwrap();
     assert_eq!(report, Report { made: 1, verified: 18, failed: 0, ..Report::default() });
 }
 

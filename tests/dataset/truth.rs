@@ -3,10 +3,12 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use spikelane::dataset::{self, Drive, Drives, Images, Inputs, Manifest, Options, Record, Structure, Work};
+use spikelane::dataset::{
+    self, DatasetOptions, Drive, Drives, Images, Inputs, Manifest, Record, Structure, Work,
+};
 use spikelane::formats::Reader;
 use spikelane::light::{self, Fit, Insertion, Timeline};
-use spikelane::scene::{Lighting, Samples, Scene, SceneOptions};
+use spikelane::scene::{Lighting, SamplesPerPixel, Scene, SceneOptions};
 use spikelane::simulate::{ImageForm, light_at};
 use spikelane::spikes::bit;
 use spikelane::{Geometry, Kind, presets};
@@ -14,26 +16,19 @@ use spikelane::{Geometry, Kind, presets};
 const WIDTH: usize = 48;
 const HEIGHT: usize = 32;
 
-fn options(output: &Path, work: Work, structure: Structure) -> Options {
+fn options(output: &Path, work: Work, structure: Structure) -> DatasetOptions {
     let mut camera = presets::builtin("physical").unwrap();
     camera.sensor.geometry = Geometry::new(WIDTH as u32, HEIGHT as u32).unwrap();
-    Options {
-        output: output.to_owned(),
-        work,
-        camera,
-        images: Images::default(),
-        seed: 5,
-        scene_seed: 5,
-        camera_seed: 1,
-        structure,
-        test_share: 0.0,
-        licence: None,
-        threads: 1,
-        resume: false,
-    }
+    DatasetOptions::new(output.to_owned(), work, camera)
+        .with_seed(5)
+        .with_scene_seed(5)
+        .with_camera_seed(1)
+        .with_structure(structure)
+        .with_test_share(0.0)
+        .with_licence(None)
 }
 
-fn make(options: &Options) -> PathBuf {
+fn make(options: &DatasetOptions) -> PathBuf {
     dataset::make(options, &mut |_| Ok(())).unwrap();
     let entry = &Manifest::read(&options.output).unwrap().entries[0];
     options.output.join("sequences").join(&entry.id)
@@ -102,15 +97,13 @@ fn ground_truth_of_a_scene_is_drawn_for_its_readout_whatever_the_spacing_of_imag
     let dir = tempfile::tempdir().unwrap();
     for (images, each) in [(8, 1), (4, 50), (257, 1), (5, 80)] {
         let readouts = images * each;
-        let drives = Drives {
-            sequences: 1,
-            images,
-            readouts_per_image: each,
-            label_every: 0,
-            lighting: Some(Lighting::Overcast),
-            npy: true,
-            ..Drives::rhdd()
-        };
+        let drives = Drives::rhdd()
+            .with_sequences(1)
+            .with_images(images)
+            .with_readouts_per_image(each)
+            .with_label_every(0)
+            .with_lighting(Some(Lighting::Overcast))
+            .with_npy(true);
         let mut all =
             options(&dir.path().join(readouts.to_string()), Work::Drives(drives), Structure::SpikeCv);
         all.camera.sensor.readout_hz = 200.0;
@@ -119,16 +112,15 @@ fn ground_truth_of_a_scene_is_drawn_for_its_readout_whatever_the_spacing_of_imag
         assert_eq!((&about["clear_readout"], &about["too_fast"]), (&(readouts / 2).into(), &true.into()));
         let scene = Scene::random(
             about["scene_seed"].as_u64().unwrap(),
-            &SceneOptions {
-                width: WIDTH as u32,
-                height: HEIGHT as u32,
-                lighting: Some(Lighting::Overcast),
-                duration_s: (f64::from(readouts) / 200.0).max(2e-3),
-                ..SceneOptions::default()
-            },
+            &SceneOptions::default()
+                .with_width(WIDTH as u32)
+                .with_height(HEIGHT as u32)
+                .with_lighting(Some(Lighting::Overcast))
+                .with_duration_s((f64::from(readouts) / 200.0).max(2e-3)),
         )
         .unwrap();
-        let drive = Drive::new(scene, all.rate().unwrap(), readouts.into(), None, Samples::Four, 1).unwrap();
+        let drive =
+            Drive::new(scene, all.rate().unwrap(), readouts.into(), None, SamplesPerPixel::Four, 1).unwrap();
         let error = |readout: u32| -> f32 {
             let light = drive.light(readout.into()).unwrap().to_f32();
             let found = codes(&made.join("gt.png"));
@@ -239,6 +231,7 @@ fn clear_light_of_clips_is_kept_by_readout_in_every_form() {
                 (f32::from(image::open(&file).unwrap().into_luma16()[(7, 0)].0[0]), 0.4 * 65535.0)
             }
             ImageForm::F32 => (floats(&file)[7], 0.4),
+            _ => panic!("{form:?} has no test"),
         };
         assert!((found - expected).abs() <= if form == ImageForm::F32 { 1e-6 } else { 0.51 }, "{found}");
         let about = Record::read(&made).unwrap().about;
@@ -279,7 +272,7 @@ fn light_of_one_readout_is_what_the_timeline_inserts_there() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.npy");
     clip(&path, &[0.1, 0.5, 0.3]);
-    let how = light::Options::new(Geometry::new(WIDTH as u32, HEIGHT as u32).unwrap());
+    let how = light::InputOptions::new(Geometry::new(WIDTH as u32, HEIGHT as u32).unwrap());
     let at = |readout, insertion| {
         let mut source = light::open(&path, &how).unwrap();
         light_at(&mut *source, Timeline::per_frame(8, insertion).unwrap(), readout).map(|f| f.to_f32()[5])

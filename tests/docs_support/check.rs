@@ -36,7 +36,7 @@ const SYSTEM: &[&str] =
     &["cat", "cd", "cp", "echo", "export", "head", "ls", "mkdir", "mv", "rm", "sed", "printf"];
 
 /// What is wrong with the commands of a block, a line each.
-pub fn wrong(text: &str) -> Vec<String> {
+pub(crate) fn wrong(text: &str) -> Vec<String> {
     let commands = commands(text);
     // Functions of the block itself, `name() {`.
     let own: Vec<&str> = commands.iter().filter_map(|words| words[0].strip_suffix("()")).collect();
@@ -106,7 +106,7 @@ fn one(words: &[String]) -> Result<(), String> {
 }
 
 /// Whether the shell finds a program of that name.
-pub fn found(name: &str) -> bool {
+pub(crate) fn found(name: &str) -> bool {
     let said = Command::new("sh").args(["-c", "command -v \"$0\"", name]).output();
     said.is_ok_and(|out| out.status.success())
 }

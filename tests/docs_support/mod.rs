@@ -1,16 +1,16 @@
 //! The pages of the documentation, and what stands in them.
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
-pub mod check;
-pub mod run;
+pub(crate) mod check;
+pub(crate) mod run;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Pages that another part of the project brings; links to them are taken on trust until they are here.
-pub const EXPECTED: &[&str] = &["docs/guides/embedding.md"];
+pub(crate) const EXPECTED: &[&str] = &["docs/guides/embedding.md"];
 
-pub struct Page {
+pub(crate) struct Page {
     /// From the root of the repository, with `/` between folders.
     pub name: String,
     pub text: String,
@@ -18,24 +18,24 @@ pub struct Page {
 
 /// A fenced block: the words behind its fence, what it holds, and the line on which it begins.
 #[derive(Clone, Debug)]
-pub struct Block {
+pub(crate) struct Block {
     pub words: Vec<String>,
     pub text: String,
     pub line: usize,
 }
 
-pub fn root() -> PathBuf {
+pub(crate) fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
-pub fn page(name: &str) -> Page {
+pub(crate) fn page(name: &str) -> Page {
     let path = root().join(name);
     let text = fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     Page { name: name.to_owned(), text }
 }
 
 /// The README, the changelog and every page below `docs`, in the order of their names.
-pub fn pages() -> Vec<Page> {
+pub(crate) fn pages() -> Vec<Page> {
     let mut names: Vec<String> = files("docs").into_iter().filter(|name| name.ends_with(".md")).collect();
     names.extend(["README.md", "CHANGELOG.md"].map(str::to_owned));
     names.sort();
@@ -43,7 +43,7 @@ pub fn pages() -> Vec<Page> {
 }
 
 /// All files below a folder of the repository, named from its root.
-pub fn files(folder: &str) -> Vec<String> {
+pub(crate) fn files(folder: &str) -> Vec<String> {
     let mut found = Vec::new();
     let Ok(entries) = fs::read_dir(root().join(folder)) else { return found };
     for entry in entries {
@@ -59,7 +59,7 @@ pub fn files(folder: &str) -> Vec<String> {
 }
 
 impl Page {
-    pub fn blocks(&self) -> Vec<Block> {
+    pub(crate) fn blocks(&self) -> Vec<Block> {
         let mut found: Vec<Block> = Vec::new();
         let mut open = false;
         for (i, line) in self.text.lines().enumerate() {
@@ -84,7 +84,7 @@ impl Page {
     }
 
     /// The page without its blocks.
-    pub fn prose(&self) -> String {
+    pub(crate) fn prose(&self) -> String {
         let mut open = false;
         let mut text = String::new();
         for line in self.text.lines() {
@@ -98,31 +98,31 @@ impl Page {
         text
     }
 
-    pub fn title(&self) -> &str {
+    pub(crate) fn title(&self) -> &str {
         self.text.lines().find_map(|line| line.strip_prefix("# ")).unwrap_or(&self.name)
     }
 
-    pub fn count_words(&self) -> usize {
+    pub(crate) fn count_words(&self) -> usize {
         self.text.split_whitespace().count()
     }
 
     /// The folder below `docs` that says of what kind the page is.
-    pub fn kind(&self) -> Option<&str> {
+    pub(crate) fn kind(&self) -> Option<&str> {
         self.name.strip_prefix("docs/")?.split_once('/').map(|(kind, _)| kind)
     }
 }
 
 impl Block {
-    pub fn language(&self) -> &str {
+    pub(crate) fn language(&self) -> &str {
         self.words.first().map_or("", String::as_str)
     }
 
-    pub fn is(&self, word: &str) -> bool {
+    pub(crate) fn is(&self, word: &str) -> bool {
         self.words.iter().any(|w| w == word)
     }
 
     /// What has to be there before the block can run: programs, `python:MODULE`, or `./FILE`.
-    pub fn needs(&self) -> &[String] {
+    pub(crate) fn needs(&self) -> &[String] {
         match self.words.iter().position(|w| w == "needs") {
             Some(at) => &self.words[at + 1..],
             None => &[],
@@ -130,26 +130,26 @@ impl Block {
     }
 
     /// Whether it is a command block.
-    pub fn commands(&self) -> bool {
+    pub(crate) fn commands(&self) -> bool {
         self.language() == "sh"
     }
 }
 
 /// The text of `docs/README.md` between its marks, and the page around it.
-pub fn between<'a>(page: &'a Page, begin: &str, end: &str) -> [&'a str; 3] {
+pub(crate) fn between<'a>(page: &'a Page, begin: &str, end: &str) -> [&'a str; 3] {
     let (head, rest) = page.text.split_once(begin).unwrap_or_else(|| panic!("{}: no {begin}", page.name));
     let (found, tail) = rest.split_once(end).unwrap_or_else(|| panic!("{}: no {end}", page.name));
     [head, found, tail]
 }
 
 /// Writes `text` between the marks of a page.
-pub fn put(name: &str, begin: &str, end: &str, text: &str) {
+pub(crate) fn put(name: &str, begin: &str, end: &str, text: &str) {
     let page = page(name);
     let [head, _, tail] = between(&page, begin, end);
     fs::write(root().join(name), format!("{head}{begin}{text}{end}{tail}")).unwrap();
 }
 
 /// Whether a link's target is in the repository.
-pub fn exists(name: &str) -> bool {
+pub(crate) fn exists(name: &str) -> bool {
     EXPECTED.contains(&name) || Path::new(&root()).join(name).exists()
 }

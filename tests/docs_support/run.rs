@@ -11,7 +11,7 @@ use super::{Block, Page, check};
 /// the page has.
 ///
 /// Panics with the block and its output where one fails.
-pub fn page(page: &Page, variables: &[(&str, &str)], prepare: fn(&str, &Path)) {
+pub(crate) fn page(page: &Page, variables: &[(&str, &str)], prepare: fn(&str, &Path)) {
     let place = TempDir::new().unwrap();
     prepare(&page.name, place.path());
     let bin = TempDir::new().unwrap();

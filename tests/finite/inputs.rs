@@ -3,7 +3,7 @@
 use super::super::program_support::{Place, npy_f32};
 
 /// A stream of which something is odd: size, readouts, and whether a pixel fires at a readout.
-pub struct Odd {
+pub(crate) struct Odd {
     pub name: &'static str,
     pub width: usize,
     pub height: usize,
@@ -19,7 +19,7 @@ const fn odd(
     Odd { name, width, height, readouts, fires }
 }
 
-pub const ODD: [Odd; 10] = [
+pub(crate) const ODD: [Odd; 10] = [
     odd("one_readout", [16, 12, 1], |p, _| p % 5 == 0),
     odd("two_readouts", [16, 12, 2], |p, t| (p + t) % 3 == 0),
     odd("dark", [16, 12, 300], |_, _| false),
@@ -46,7 +46,7 @@ impl Odd {
     }
 
     /// A place with the stream, a set that names it four times, and a clear image of its size.
-    pub fn place(&self) -> Place {
+    pub(crate) fn place(&self) -> Place {
         let place = Place::new();
         place.write("odd.dat", self.bytes());
         place.write("flat.npy", npy_f32([1, self.height, self.width], &vec![0.2; self.width * self.height]));
@@ -61,10 +61,10 @@ impl Odd {
     }
 }
 
-pub type Light = (&'static str, [usize; 3], fn(usize) -> f32);
+pub(crate) type Light = (&'static str, [usize; 3], fn(usize) -> f32);
 
 /// Light of which something is odd, as an array of f32: frames, height, width, and a value.
-pub const ODD_LIGHT: [Light; 10] = [
+pub(crate) const ODD_LIGHT: [Light; 10] = [
     ("black", [3, 12, 16], |_| 0.0),
     ("white", [3, 12, 16], |_| 1.0),
     ("beyond", [3, 12, 16], |_| 1.9),
@@ -79,9 +79,9 @@ pub const ODD_LIGHT: [Light; 10] = [
 
 /// A recording of a set that is replaced by one of which something is odd: its file, and every byte of it; and whether the set still gives a
 /// camera.
-pub type OddRecording = (&'static str, &'static [(&'static str, u8)], bool);
+pub(crate) type OddRecording = (&'static str, &'static [(&'static str, u8)], bool);
 
-pub const ODD_RECORDINGS: [OddRecording; 4] = [
+pub(crate) const ODD_RECORDINGS: [OddRecording; 4] = [
     ("as_recorded", &[], true),
     ("dark_without_a_spike", &[("dark.dat", 0x00)], true),
     ("brightest_saturated", &[("flat_9000.dat", 0xff)], true),
@@ -89,7 +89,7 @@ pub const ODD_RECORDINGS: [OddRecording; 4] = [
 ];
 
 /// A place with a small recorded set, one recording of it replaced.
-pub fn recorded((_, files, _): OddRecording) -> Place {
+pub(crate) fn recorded((_, files, _): OddRecording) -> Place {
     let place = Place::new();
     place.good("record physical -o recorded --width 16 --height 12 --readouts 1500");
     for (name, byte) in files {

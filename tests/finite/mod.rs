@@ -1,6 +1,6 @@
 //! Looks for numbers that are not finite in whatever a program leaves.
 
-pub mod inputs;
+pub(crate) mod inputs;
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use serde_json::Value;
 const WORDS: [&str; 4] = ["nan", "inf", "infinity", "infinite"];
 
 /// What is wrong in a text: lines with such a word.
-pub fn text(text: &str) -> Vec<String> {
+pub(crate) fn text(text: &str) -> Vec<String> {
     let wrong = |line: &&str| {
         let lower = line.to_lowercase();
         let words = lower.split(|c: char| !c.is_alphanumeric() && c != '_');
@@ -20,7 +20,7 @@ pub fn text(text: &str) -> Vec<String> {
 }
 
 /// What is wrong in a JSON value: a number that is not finite has become `null`, and some writers make a string of it.
-pub fn json(place: &str, value: &Value) -> Vec<String> {
+pub(crate) fn json(place: &str, value: &Value) -> Vec<String> {
     match value {
         Value::Null => vec![format!("{place} is null")],
         Value::String(s) => text(s).into_iter().map(|l| format!("{place}: {l}")).collect(),
@@ -33,7 +33,7 @@ pub fn json(place: &str, value: &Value) -> Vec<String> {
 }
 
 /// What is wrong in a text of JSON objects, one a line or one in all.
-pub fn json_text(content: &str) -> Vec<String> {
+pub(crate) fn json_text(content: &str) -> Vec<String> {
     if let Ok(whole) = serde_json::from_str::<Value>(content) {
         return json("", &whole);
     }
@@ -45,7 +45,7 @@ pub fn json_text(content: &str) -> Vec<String> {
 }
 
 /// What is wrong in a NumPy file of floats.
-pub fn npy(bytes: &[u8]) -> Vec<String> {
+pub(crate) fn npy(bytes: &[u8]) -> Vec<String> {
     let short = u16::from_le_bytes([bytes[8], bytes[9]]) as usize;
     let header = String::from_utf8_lossy(&bytes[10..10 + short]).into_owned();
     let data = &bytes[10 + short..];
@@ -62,7 +62,7 @@ pub fn npy(bytes: &[u8]) -> Vec<String> {
 }
 
 /// What is wrong in a Middlebury flow file: a mark and two sizes of four bytes, then floats.
-pub fn flo(bytes: &[u8]) -> Vec<String> {
+pub(crate) fn flo(bytes: &[u8]) -> Vec<String> {
     let all = bytes[12..].chunks_exact(4).map(|c| f32::from_le_bytes(c.try_into().unwrap()));
     let bad = all.filter(|v| !v.is_finite()).count();
     if bad == 0 { Vec::new() } else { vec![format!("{bad} displacements are not finite")] }
@@ -75,7 +75,7 @@ fn exr(path: &Path) -> Vec<String> {
 }
 
 /// What is wrong in the files below a folder, by name; those of other kinds hold whole numbers.
-pub fn folder(root: &Path) -> Vec<String> {
+pub(crate) fn folder(root: &Path) -> Vec<String> {
     let mut wrong = Vec::new();
     for path in files(root) {
         let read = || std::fs::read(&path).unwrap();

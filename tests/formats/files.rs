@@ -211,7 +211,7 @@ fn frames_behind_a_loss_are_found_and_keep_their_numbers() {
     {
         let mut cut = whole.clone();
         cut.drain(start..start + bytes);
-        let opening = |how| Opening { layout: Some(Layout::Rows1024), lost: how, ..Opening::default() };
+        let opening = |how| Opening::default().with_layout(Some(Layout::Rows1024)).with_lost(how);
         let marked = opening(Lost::Mark).from_bytes("cut", cut.clone()).unwrap();
         assert_eq!((marked.readouts(), marked.lost()), (5, lost), "{start}");
         let mut expected = packed.clone();

@@ -90,7 +90,7 @@ fn a_key_chooses_among_arrays() {
     let error = Reader::from_bytes("a.npz", bytes.clone(), None, Some(size())).unwrap_err();
     assert_eq!(error.kind(), Kind::Usage);
     assert!(error.to_string().contains("noisy, clean") && error.to_string().contains("--key"), "{error}");
-    let opening = |key: &str| Opening { key: Some(key.into()), geometry: Some(size()), ..Opening::default() };
+    let opening = |key: &str| Opening::default().with_key(Some(key.into())).with_geometry(Some(size()));
     let mut frame = vec![0; size().frame_bytes()];
     opening("clean").from_bytes("a.npz", bytes.clone()).unwrap().read_frame(0, &mut frame).unwrap();
     assert_eq!(bit(&frame, 0), fires(0, 0, 0));

@@ -5,13 +5,13 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, Rgb, RgbImage, Rgba};
-use spikelane::light::{Fit, Frame, Motion, Moving, Options, Rate, Samples, Source, Transfer};
+use spikelane::light::{Fit, Frame, InputOptions, Motion, Moving, OwnedSamples, Rate, Source, Transfer};
 use spikelane::light::{open, open_reader};
 use spikelane::{Error, Geometry, Kind};
 use tempfile::TempDir;
 
-fn camera(w: u32, h: u32) -> Options {
-    Options::new(Geometry::new(w, h).unwrap())
+fn camera(w: u32, h: u32) -> InputOptions {
+    InputOptions::new(Geometry::new(w, h).unwrap())
 }
 
 fn frames(source: &mut dyn Source) -> Result<Vec<Frame>, Error> {
@@ -23,12 +23,12 @@ fn frames(source: &mut dyn Source) -> Result<Vec<Frame>, Error> {
     Ok(all)
 }
 
-fn read(path: &Path, options: &Options) -> Result<Vec<Frame>, Error> {
+fn read(path: &Path, options: &InputOptions) -> Result<Vec<Frame>, Error> {
     frames(&mut *open(path, options)?)
 }
 
 /// The error of opening and reading; it must name the file.
-fn refused(path: &Path, options: &Options) -> (Kind, String) {
+fn refused(path: &Path, options: &InputOptions) -> (Kind, String) {
     let error = read(path, options).unwrap_err();
     let text = error.to_string();
     let name = path.file_name().unwrap().to_string_lossy();
@@ -52,11 +52,11 @@ fn grey_png_of_8_bits_goes_through_srgb_or_stays() {
     let path = put(&dir, "a.png", GrayImage::from_raw(3, 1, vec![0, 128, 255]).unwrap());
     // sRGB 128: ((128/255 + 0.055) / 1.055)^2.4 = 0.2158605.
     let srgb = read(&path, &camera(3, 1)).unwrap();
-    assert_eq!(srgb[0].samples(), &Samples::U16(vec![0, 14146, 65535]));
+    assert_eq!(srgb[0].samples(), &OwnedSamples::U16(vec![0, 14146, 65535]));
     let mut options = camera(3, 1);
     options.transfer = Some(Transfer::Linear);
     let linear = read(&path, &options).unwrap();
-    assert_eq!(linear[0].samples(), &Samples::U8(vec![0, 128, 255]));
+    assert_eq!(linear[0].samples(), &OwnedSamples::U8(vec![0, 128, 255]));
 }
 
 #[test]
@@ -83,7 +83,7 @@ fn grey_16_bit_files_keep_their_depth() {
         assert!((light[1] - 1.181_04e-6).abs() < 1e-10 && (light[2] - 0.214_05).abs() < 1e-5);
         options.transfer = Some(Transfer::Linear);
         let same = read(&path, &options).unwrap();
-        assert_eq!(same[0].samples(), &Samples::U16(vec![0, 1, 32768, 65535]));
+        assert_eq!(same[0].samples(), &OwnedSamples::U16(vec![0, 1, 32768, 65535]));
     }
 }
 
@@ -135,7 +135,7 @@ fn what_is_not_finite_in_an_exr_or_becomes_so_is_named_by_pixel() {
         picture.put_pixel(1, 3, Rgb([value; 3]));
         let path = put(&dir, "n.exr", picture);
         for size in [4, 2] {
-            let options = Options { transfer, ..camera(size, size) };
+            let options = camera(size, size).with_transfer(transfer);
             let (kind, text) = refused(&path, &options);
             assert!(kind == Kind::Input && text.contains("row 3, col 1"), "{value}: {text}");
         }
@@ -425,10 +425,10 @@ fn floats_among_integer_images_are_refused_by_name() {
     assert!(error.kind() == Kind::Input && text.contains("a2.exr") && text.contains("a1.png"), "{text}");
 }
 
-fn with_front_end(table: &str, w: u32, h: u32) -> Options {
+fn with_front_end(table: &str, w: u32, h: u32) -> InputOptions {
     let mut camera = spikelane::presets::parse(&format!("[light]\n{table}"), None).unwrap();
     camera.sensor.geometry = Geometry::new(w, h).unwrap();
-    Options::of(&camera)
+    InputOptions::of(&camera)
 }
 
 #[test]
@@ -436,9 +436,9 @@ fn a_cameras_front_end_holds_until_a_transfer_function_is_declared() {
     let dir = TempDir::new().unwrap();
     let path = put(&dir, "f.png", grey(2, 1, 128));
     let mut options = with_front_end("transfer = \"linear\"", 2, 1);
-    assert_eq!(read(&path, &options).unwrap()[0].samples(), &Samples::U8(vec![128; 2]));
+    assert_eq!(read(&path, &options).unwrap()[0].samples(), &OwnedSamples::U8(vec![128; 2]));
     options.transfer = Some(Transfer::Srgb);
-    assert_eq!(read(&path, &options).unwrap()[0].samples(), &Samples::U16(vec![14146; 2]));
+    assert_eq!(read(&path, &options).unwrap()[0].samples(), &OwnedSamples::U16(vec![14146; 2]));
     assert_eq!(open(&path, &options).unwrap().front_end().transfer, Some(Transfer::Srgb));
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use spikelane::light::{Between, Frame, Insertion, Objects, Rate, Samples, Source, Timeline};
+use spikelane::light::{Between, Frame, Insertion, Objects, OwnedSamples, Rate, Source, Timeline};
 use spikelane::reconstruct::psnr;
 use spikelane::simulate::{Run, run};
 use spikelane::{Geometry, Kind, Result, Seeds, presets};
@@ -15,7 +15,7 @@ fn pattern(geometry: Geometry, dx: f32, dy: f32) -> Frame {
         let sum: f32 = (1..).zip(waves).map(|(i, (a, b))| (a * x + b * y + i as f32).sin()).sum();
         0.5 + 0.09 * sum
     };
-    Frame::new(geometry, Samples::F32((0..geometry.pixels()).map(light).collect())).unwrap()
+    Frame::new(geometry, OwnedSamples::F32((0..geometry.pixels()).map(light).collect())).unwrap()
 }
 
 fn size() -> Geometry {

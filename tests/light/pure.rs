@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use spikelane::light::natural::natural_cmp;
 use spikelane::light::{
-    Chart, Frame, Insertion, Rate, Samples, Source, Timeline, Transfer, chart, luminance,
+    Chart, Frame, Insertion, OwnedSamples, Rate, Source, Timeline, Transfer, chart, luminance,
 };
 use spikelane::{Geometry, Kind};
 
@@ -68,7 +68,7 @@ fn a_bad_float_is_named_by_row_col_and_value() {
     for bad in [f32::NAN, -0.25, f32::INFINITY] {
         let mut light = vec![0.5; 12];
         light[7] = bad;
-        let error = Frame::new(geometry(4, 3), Samples::F32(light)).unwrap_err();
+        let error = Frame::new(geometry(4, 3), OwnedSamples::F32(light)).unwrap_err();
         assert_eq!(error.kind(), Kind::Input);
         let text = error.to_string();
         assert!(text.contains("row 1, col 3") && text.contains(&bad.to_string()), "{text}");
@@ -77,28 +77,28 @@ fn a_bad_float_is_named_by_row_col_and_value() {
 
 #[test]
 fn a_frame_of_the_wrong_length_is_refused() {
-    let error = Frame::new(geometry(4, 3), Samples::U8(vec![0; 11])).unwrap_err();
+    let error = Frame::new(geometry(4, 3), OwnedSamples::U8(vec![0; 11])).unwrap_err();
     assert_eq!(error.kind(), Kind::Input);
 }
 
 #[test]
 fn the_maximum_is_relative_to_full_scale() {
     let of = |samples| Frame::new(geometry(2, 1), samples).unwrap().max();
-    assert_eq!(of(Samples::U8(vec![51, 255])), 1.0);
-    assert_eq!(of(Samples::U16(vec![0, 13107])), 0.2);
-    assert_eq!(of(Samples::F32(vec![3.5, 0.0])), 3.5);
+    assert_eq!(of(OwnedSamples::U8(vec![51, 255])), 1.0);
+    assert_eq!(of(OwnedSamples::U16(vec![0, 13107])), 0.2);
+    assert_eq!(of(OwnedSamples::F32(vec![3.5, 0.0])), 3.5);
 }
 
 #[test]
 fn a_blend_is_the_straight_line_between_two_frames() {
     let frame = |samples| Frame::new(geometry(2, 1), samples).unwrap();
-    let (a, b) = (frame(Samples::U8(vec![0, 255])), frame(Samples::U16(vec![65535, 257])));
+    let (a, b) = (frame(OwnedSamples::U8(vec![0, 255])), frame(OwnedSamples::U16(vec![65535, 257])));
     let mid = Frame::blend(&a, &b, 0.25).unwrap();
     // 65535/4 = 16383.75 and 65535 - (65535 - 257)/4 = 49215.5, rounded half up.
-    assert_eq!(mid.samples(), &Samples::U16(vec![16384, 49216]));
-    let c = frame(Samples::F32(vec![2.0, 0.0]));
+    assert_eq!(mid.samples(), &OwnedSamples::U16(vec![16384, 49216]));
+    let c = frame(OwnedSamples::F32(vec![2.0, 0.0]));
     let mid = Frame::blend(&a, &c, 0.5).unwrap();
-    assert_eq!(mid.samples(), &Samples::F32(vec![1.0, 0.5]));
+    assert_eq!(mid.samples(), &OwnedSamples::F32(vec![1.0, 0.5]));
     assert_eq!(Frame::blend(&a, &b, 1.5).unwrap_err().kind(), Kind::Usage);
 }
 

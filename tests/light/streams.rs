@@ -7,13 +7,13 @@ use std::process::Command;
 
 use spikelane::light::ffmpeg::Decoded;
 use spikelane::light::picture::Linear;
-use spikelane::light::{Fit, Frame, Options, Rate, Samples, Source, Transfer, open, open_reader};
+use spikelane::light::{Fit, Frame, InputOptions, OwnedSamples, Rate, Source, Transfer, open, open_reader};
 use spikelane::npy::Element;
 use spikelane::{Error, Geometry, Kind};
 use tempfile::TempDir;
 
-fn camera(w: u32, h: u32) -> Options {
-    Options::new(Geometry::new(w, h).unwrap())
+fn camera(w: u32, h: u32) -> InputOptions {
+    InputOptions::new(Geometry::new(w, h).unwrap())
 }
 
 fn frames(source: &mut dyn Source) -> Result<Vec<Frame>, Error> {
@@ -25,11 +25,11 @@ fn frames(source: &mut dyn Source) -> Result<Vec<Frame>, Error> {
     Ok(all)
 }
 
-fn read(path: &Path, options: &Options) -> Result<Vec<Frame>, Error> {
+fn read(path: &Path, options: &InputOptions) -> Result<Vec<Frame>, Error> {
     frames(&mut *open(path, options)?)
 }
 
-fn refused(path: &Path, options: &Options) -> (Kind, String) {
+fn refused(path: &Path, options: &InputOptions) -> (Kind, String) {
     let error = read(path, options).unwrap_err();
     let text = error.to_string();
     let name = path.file_name().unwrap().to_string_lossy();
@@ -89,7 +89,11 @@ fn arrays_of_every_type_come_back_as_they_were() {
     ];
     let wanted = |i: usize| {
         let at = 6 * i..6 * (i + 1);
-        [Samples::U8(b[at.clone()].into()), Samples::U16(h[at.clone()].into()), Samples::F32(f[at].into())]
+        [
+            OwnedSamples::U8(b[at.clone()].into()),
+            OwnedSamples::U16(h[at.clone()].into()),
+            OwnedSamples::F32(f[at].into()),
+        ]
     };
     for (k, file) in files.iter().enumerate() {
         let got = read(file, &camera(3, 2)).unwrap();
@@ -107,7 +111,7 @@ fn two_axes_are_one_frame_and_big_endian_is_read() {
     let path = put(&dir, "big.npy", npy_of(header, &[1, 2, 255, 0]));
     let got = read(&path, &camera(2, 1)).unwrap();
     assert_eq!(got.len(), 1);
-    assert_eq!(got[0].samples(), &Samples::U16(vec![0x0102, 0xff00]));
+    assert_eq!(got[0].samples(), &OwnedSamples::U16(vec![0x0102, 0xff00]));
 }
 
 #[test]
@@ -116,7 +120,7 @@ fn a_transfer_function_applies_to_integers_and_is_refused_for_floats() {
     let mut options = camera(2, 1);
     options.transfer = Some(Transfer::Srgb);
     let path = put(&dir, "i.npy", npy(&[1, 2], &[128_u8, 255]));
-    assert_eq!(read(&path, &options).unwrap()[0].samples(), &Samples::U16(vec![14146, 65535]));
+    assert_eq!(read(&path, &options).unwrap()[0].samples(), &OwnedSamples::U16(vec![14146, 65535]));
     let path = put(&dir, "x.npy", npy(&[1, 2], &[0.5_f32, 1.0]));
     assert_eq!(refused(&path, &options).0, Kind::Usage);
 }
@@ -193,7 +197,7 @@ fn an_archive_of_one_array_is_read_and_of_two_is_refused() {
     let got = read(&path, &camera(200, 200)).unwrap();
     assert_eq!(got.len(), 5);
     for (frame, wanted) in got.iter().zip(values.chunks(40_000)) {
-        assert_eq!(frame.samples(), &Samples::U8(wanted.to_vec()));
+        assert_eq!(frame.samples(), &OwnedSamples::U8(wanted.to_vec()));
     }
     let path = dir.path().join("two.npz");
     npz(&path, &["a", "b"], &[1; 4], &[2, 2]);
@@ -273,7 +277,7 @@ fn a_y4m_file_knows_its_frames_and_rate() {
     assert_eq!(source.frames(), Some(3));
     assert_eq!(source.rate(), Some(Rate::new(30_000, 1001).unwrap()));
     let got = frames(&mut *source).unwrap();
-    assert_eq!(got[0].samples(), &Samples::U16(vec![0, 65535]));
+    assert_eq!(got[0].samples(), &OwnedSamples::U16(vec![0, 65535]));
     assert_eq!(got.len(), 3);
 }
 

@@ -3,11 +3,11 @@
 
 use crate::measure_support::Stream;
 use proptest::prelude::*;
-use spikelane::measure::{Accumulator, Options, Statistics};
+use spikelane::measure::{Accumulator, MeasureOptions, Statistics};
 use spikelane::spikes::{Geometry, Packed};
 
-fn options(split: Option<u32>, lags: Vec<u32>, longest_bin: u32) -> Options {
-    Options { lags, longest_bin, split, ..Options::default() }
+fn options(split: Option<u32>, lags: Vec<u32>, longest_bin: u32) -> MeasureOptions {
+    MeasureOptions::default().with_lags(lags).with_longest_bin(longest_bin).with_split(split)
 }
 
 /// Rates of all sorts side by side: silent, dim, middle, bright, always.
@@ -16,7 +16,7 @@ fn rates(pixels: usize, level: f64) -> Vec<f64> {
     (0..pixels).map(|p| sorts[p % 8]).collect()
 }
 
-fn check(stream: &Stream, options: &Options, batches: &[usize]) {
+fn check(stream: &Stream, options: &MeasureOptions, batches: &[usize]) {
     let statistics = stream.measure(options, batches);
     assert_eq!(statistics.readouts as usize, stream.frames.len());
     stream.check_counts(&statistics);
@@ -51,10 +51,10 @@ proptest! {
         let options = options(split, vec![3], 20);
         let whole = stream.measure(&options, &[]);
         let cut = 1 + (cut * (f64::from(height) - 1.0)) as usize;
-        let band = |rows| Options { rows: Some(rows), frames: false, ..options.clone() };
+        let band = |rows| options.clone().with_rows(Some(rows)).with_frames(false);
         let parts = vec![
             stream.measure(&band(cut..height as usize), &[7, 130]),
-            stream.measure(&Options::only_frames(), &[]),
+            stream.measure(&MeasureOptions::only_frames(), &[]),
             stream.measure(&band(0..cut), &[]),
         ];
         prop_assert_eq!(Statistics::join(parts).unwrap(), whole);
@@ -85,14 +85,14 @@ fn taller_than_the_vertical_counters_equals_visiting_each_bit() {
 #[test]
 fn nothing_pushed_is_empty_statistics() {
     let stream = Stream::of(9, 2, Vec::new());
-    check(&stream, &Options::default(), &[]);
+    check(&stream, &MeasureOptions::default(), &[]);
 }
 
 #[test]
 fn padding_bits_of_a_frame_are_no_pixels() {
     // A 3x1 sensor whose last byte is all ones.
     let geometry = Geometry::new(3, 1).unwrap();
-    let mut accumulator = Accumulator::new(geometry, &Options::default()).unwrap();
+    let mut accumulator = Accumulator::new(geometry, &MeasureOptions::default()).unwrap();
     accumulator.push(Packed::new(geometry, &[0xff; 10]).unwrap()).unwrap();
     let statistics = accumulator.finish();
     assert_eq!(statistics.frames.unwrap().totals, [3; 10]);
@@ -103,7 +103,7 @@ fn padding_bits_of_a_frame_are_no_pixels() {
 fn series_are_cut_where_asked_and_extremes_are_not() {
     let mut stream = Stream::bernoulli(40, 10, 300, &vec![0.5; 400], 3);
     stream.frames[250] = stream.frames[249].clone();
-    let options = Options { series_readouts: 100, ..Options::default() };
+    let options = MeasureOptions::default().with_series_readouts(100);
     let statistics = stream.measure(&options, &[]);
     let frames = statistics.frames.unwrap();
     assert_eq!((frames.totals.len(), frames.distances.len()), (100, 99));
@@ -115,16 +115,16 @@ fn series_are_cut_where_asked_and_extremes_are_not() {
 #[test]
 fn wrong_requests_are_errors_that_say_why() {
     let geometry = Geometry::new(8, 8).unwrap();
-    let refuse = |options: Options, word: &str| {
+    let refuse = |options: MeasureOptions, word: &str| {
         let error = Accumulator::new(geometry, &options).err().unwrap().to_string();
         assert!(error.contains(word), "{error}");
     };
-    let all = Options::default;
-    refuse(Options { lags: vec![0], ..all() }, "1 to 64");
-    refuse(Options { lags: vec![65], ..all() }, "found 65");
-    refuse(Options { rows: Some(0..4), ..all() }, "all rows");
-    refuse(Options { rows: Some(4..9), frames: false, ..all() }, "within 0..8");
-    refuse(Options { longest_bin: 0, ..all() }, "found 0");
+    let all = MeasureOptions::default;
+    refuse(all().with_lags(vec![0]), "1 to 64");
+    refuse(all().with_lags(vec![65]), "found 65");
+    refuse(all().with_rows(Some(0..4)), "all rows");
+    refuse(all().with_rows(Some(4..9)).with_frames(false), "within 0..8");
+    refuse(all().with_longest_bin(0), "found 0");
     let mut accumulator = Accumulator::new(geometry, &all()).unwrap();
     let other = Geometry::new(16, 4).unwrap();
     let error = accumulator.push(Packed::new(other, &[0; 8]).unwrap()).unwrap_err();
@@ -135,7 +135,7 @@ fn wrong_requests_are_errors_that_say_why() {
 fn bands_that_do_not_fit_are_not_joined() {
     let stream = Stream::bernoulli(9, 6, 20, &[0.4; 54], 1);
     let band = |rows, lags| {
-        let options = Options { rows: Some(rows), frames: false, lags, ..Options::default() };
+        let options = MeasureOptions::default().with_rows(Some(rows)).with_frames(false).with_lags(lags);
         stream.measure(&options, &[])
     };
     let refuse = |parts, word: &str| {
@@ -145,6 +145,6 @@ fn bands_that_do_not_fit_are_not_joined() {
     refuse(vec![], "none");
     refuse(vec![band(0..2, vec![]), band(3..6, vec![])], "expected rows from 2");
     refuse(vec![band(0..2, vec![]), band(2..6, vec![2])], "different options");
-    let frames = stream.measure(&Options::only_frames(), &[]);
+    let frames = stream.measure(&MeasureOptions::only_frames(), &[]);
     refuse(vec![frames.clone(), frames], "two parts");
 }

@@ -4,8 +4,8 @@ use crate::measure_support::{Stream, uniform};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 use spikelane::measure::{
-    Estimate, Options, bootstrap, borders, dsnu_prnu, high_pass, line_structure, map_correlations, median,
-    median_and_spread, select_rate, select_smooth, summarise, tiled_mean, trimmed_mean,
+    Estimate, MeasureOptions, bootstrap, borders, dsnu_prnu, high_pass, line_structure, map_correlations,
+    median, median_and_spread, select_rate, select_smooth, summarise, tiled_mean, trimmed_mean,
 };
 
 const SIDE: usize = 96;
@@ -138,7 +138,7 @@ fn a_summary_finds_what_was_put_in() {
     flat[4000] = 0.1;
     let measure = |rates: &[f64], readouts| {
         let stream = Stream::integrators(96, 96, readouts, rates, 8);
-        summarise(&stream.measure(&Options::default(), &[])).unwrap()
+        summarise(&stream.measure(&MeasureOptions::default(), &[])).unwrap()
     };
     let (dark, flat) = (measure(&dark, 6000), measure(&flat, 2000));
     let found = &flat.defects;
@@ -158,7 +158,7 @@ fn a_summary_finds_what_was_put_in() {
 #[test]
 fn a_band_cannot_be_summarised() {
     let stream = Stream::bernoulli(8, 8, 20, &[0.5; 64], 1);
-    let band = Options { rows: Some(0..4), frames: false, ..Options::default() };
+    let band = MeasureOptions::default().with_rows(Some(0..4)).with_frames(false);
     let error = summarise(&stream.measure(&band, &[])).unwrap_err();
     assert!(error.to_string().contains("rows 0..4"));
 }

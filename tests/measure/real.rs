@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use spikelane::measure::{
-    Accumulator, Options, Pair, Statistics, median_and_spread, select_smooth, summarise,
+    Accumulator, MeasureOptions, Pair, Statistics, median_and_spread, select_smooth, summarise,
 };
 use spikelane::spikes::{Geometry, Packed};
 
@@ -19,7 +19,7 @@ fn measured() -> Option<Statistics> {
         .flat_map(|frame| frame.chunks_exact(50).rev().flatten().copied())
         .collect();
     let geometry = Geometry::new(400, 250).unwrap();
-    let options = Options { lags: vec![1, 2, 4, 8, 16, 24, 32], split: Some(150), ..Options::default() };
+    let options = MeasureOptions::default().with_lags(vec![1, 2, 4, 8, 16, 24, 32]).with_split(Some(150));
     let mut accumulator = Accumulator::new(geometry, &options).unwrap();
     accumulator.push(Packed::new(geometry, &flipped).unwrap()).unwrap();
     Some(accumulator.finish())

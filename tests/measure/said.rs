@@ -5,7 +5,7 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 use spikelane::effects::find;
 use spikelane::measure::{
-    Estimate, Options, Recording, Told, high_pass, map_correlations, pattern_correlations, spectrum,
+    Estimate, MeasureOptions, Recording, Told, high_pass, map_correlations, pattern_correlations, spectrum,
     summarise,
 };
 use spikelane::simulate::{FrameRef, Simulator};
@@ -171,7 +171,7 @@ fn pixels_that_fire_in_phase_are_no_flicker_and_flicker_is_no_firing_rate() {
             (0..rates.len()).map(&mut fires).collect()
         });
         let stream = Stream::of(32, 24, frames.collect());
-        let statistics = stream.measure(&Options::default(), &[]);
+        let statistics = stream.measure(&MeasureOptions::default(), &[]);
         let totals = &statistics.frames.as_ref().unwrap().totals;
         let lines = spectrum(totals, 2048).unwrap().lines(30.0);
         let rates = statistics.counts.unwrap().rate_by_time();
@@ -205,7 +205,8 @@ fn a_silent_pixel_is_dead_where_its_neighbours_make_that_impossible() {
             rates[p] = 1e-5;
         }
         (rates[10 * 32 + 5], rates[10 * 32 + 30]) = (0.0, 0.0);
-        let statistics = Stream::integrators(32, 24, readouts, &rates, 2).measure(&Options::default(), &[]);
+        let statistics =
+            Stream::integrators(32, 24, readouts, &rates, 2).measure(&MeasureOptions::default(), &[]);
         summarise(&statistics).unwrap().defects.dead
     };
     assert_eq!(of(10), Vec::<usize>::new());

@@ -3,7 +3,7 @@
 use crate::measure_support::Stream;
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
-use spikelane::measure::{Intervals, Options, Pair, Statistics};
+use spikelane::measure::{Intervals, MeasureOptions, Pair, Statistics};
 
 const SIDE: u32 = 64;
 const PIXELS: usize = 64 * 64;
@@ -17,11 +17,11 @@ fn spread_rates(rate: f64, spread: f64) -> Vec<f64> {
 }
 
 fn ideal(rates: &[f64], readouts: usize) -> Statistics {
-    Stream::integrators(SIDE, SIDE, readouts, rates, 3).measure(&Options::default(), &[])
+    Stream::integrators(SIDE, SIDE, readouts, rates, 3).measure(&MeasureOptions::default(), &[])
 }
 
 fn random(rate: f64, readouts: usize) -> Statistics {
-    Stream::bernoulli(SIDE, SIDE, readouts, &vec![rate; PIXELS], 4).measure(&Options::default(), &[])
+    Stream::bernoulli(SIDE, SIDE, readouts, &vec![rate; PIXELS], 4).measure(&MeasureOptions::default(), &[])
 }
 
 fn intervals(statistics: &Statistics) -> &Intervals {
@@ -144,7 +144,7 @@ fn copied_spikes_show_as_coincidence_at_their_lag() {
             stream.frames[t][p] |= stream.frames[t - 1][p - 1] && copies.frames[t][p];
         }
     }
-    let counts = stream.measure(&Options::without_intervals(), &[]).counts.unwrap();
+    let counts = stream.measure(&MeasureOptions::without_intervals(), &[]).counts.unwrap();
     let rho = counts.correlation(Pair::RightAfter);
     // 32 of 63 pairs per row; OR with own spikes takes a tenth: 0.05 * 0.9 * 32/63 = 0.0229,
     // less the 2 % by which the copies raise the other's variance.
@@ -190,7 +190,7 @@ fn noise_of_single_rows_shows_and_flicker_does_not() {
             })
             .collect();
         let stream = Stream::of(SIDE, SIDE, frames);
-        let frames = stream.measure(&Options::only_frames(), &[]).frames.unwrap();
+        let frames = stream.measure(&MeasureOptions::only_frames(), &[]).frames.unwrap();
         let expected = if per_row { 2.56 } else { 0.0 };
         let found = frames.row_covariance();
         assert!(found.sigmas_from(expected).abs() < 4.0, "{per_row} {found:?}");
@@ -204,7 +204,7 @@ fn a_lost_and_a_repeated_readout_are_found() {
     stream.frames.remove(700);
     let copy = stream.frames[1200].clone();
     stream.frames.insert(1201, copy);
-    let statistics = stream.measure(&Options::default(), &[]);
+    let statistics = stream.measure(&MeasureOptions::default(), &[]);
     let frames = statistics.frames.as_ref().unwrap();
     assert_eq!(frames.nearly_equal(0.5), [1201]);
     // 800 intervals end at a readout, with a standard error of 0.4/28 = 0.014. A lost readout
@@ -227,7 +227,7 @@ fn halves_tell_a_drift() {
     let faster: Vec<f64> = rates.iter().map(|r| r * 1.02).collect();
     let mut stream = Stream::integrators(SIDE, SIDE, 1500, &rates, 1);
     stream.frames.extend(Stream::integrators(SIDE, SIDE, 1500, &faster, 2).frames);
-    let options = Options { split: Some(1500), ..Options::default() };
+    let options = MeasureOptions::default().with_split(Some(1500));
     let statistics = stream.measure(&options, &[]);
     let halves = intervals(&statistics).halves().unwrap();
     let change = halves.rate[1].iter().zip(&halves.rate[0]).map(|(b, a)| b / a - 1.0);

@@ -1,7 +1,7 @@
 //! Interval statistics from lists of spike times, as they are defined.
 
 use super::{Stream, mean};
-use spikelane::measure::{Options, Statistics};
+use spikelane::measure::{MeasureOptions, Statistics};
 
 fn lengths(times: &[u32]) -> Vec<u32> {
     times.windows(2).map(|w| w[1] - w[0]).collect()
@@ -14,7 +14,7 @@ fn close(found: f64, expected: f64, what: &str) {
 }
 
 /// `D(n)` of a pixel as its definition reads.
-pub fn lag_variance(times: &[u32], lag: usize) -> f64 {
+pub(crate) fn lag_variance(times: &[u32], lag: usize) -> f64 {
     if times.len() <= lag {
         return f64::NAN;
     }
@@ -45,7 +45,7 @@ fn half(times: &[u32]) -> (f64, f64) {
 
 impl Stream {
     /// Compares all interval statistics with their definitions.
-    pub fn check_intervals(&self, statistics: &Statistics, options: &Options) {
+    pub(crate) fn check_intervals(&self, statistics: &Statistics, options: &MeasureOptions) {
         let intervals = statistics.intervals.as_ref().unwrap();
         let maps: Vec<Vec<f64>> =
             intervals.lags().iter().map(|lag| intervals.lag_variance_map(*lag)).collect();
@@ -101,7 +101,7 @@ impl Stream {
         }
     }
 
-    fn check_split(&self, intervals: &spikelane::measure::Intervals, options: &Options) {
+    fn check_split(&self, intervals: &spikelane::measure::Intervals, options: &MeasureOptions) {
         let reached = options.split.filter(|s| *s as usize <= self.frames.len());
         let Some((split, halves)) = reached.zip(intervals.halves()) else {
             assert!(intervals.halves().is_none());

@@ -1,31 +1,31 @@
 //! Streams of known make, and statistics that visit each pixel and readout.
 #![allow(dead_code, reason = "each test file uses a part")]
 
-pub mod intervals;
+pub(crate) mod intervals;
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
-use spikelane::measure::{Accumulator, NEVER, Options, Pair, Statistics};
+use spikelane::measure::{Accumulator, MeasureOptions, NEVER, Pair, Statistics};
 use spikelane::spikes::{Geometry, Packed, set_bit};
 
 /// A stream as plain booleans: `[readout][pixel]`.
-pub struct Stream {
+pub(crate) struct Stream {
     pub geometry: Geometry,
     pub frames: Vec<Vec<bool>>,
 }
 
-pub fn uniform(random: &mut Pcg64Mcg) -> f64 {
+pub(crate) fn uniform(random: &mut Pcg64Mcg) -> f64 {
     (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
 }
 
 impl Stream {
-    pub fn of(width: u32, height: u32, frames: Vec<Vec<bool>>) -> Self {
+    pub(crate) fn of(width: u32, height: u32, frames: Vec<Vec<bool>>) -> Self {
         let geometry = Geometry::new(width, height).unwrap();
         Self { geometry, frames }
     }
 
     /// Independent bits; the rate of pixel `p` is `rates[p]`.
-    pub fn bernoulli(width: u32, height: u32, readouts: usize, rates: &[f64], seed: u64) -> Self {
+    pub(crate) fn bernoulli(width: u32, height: u32, readouts: usize, rates: &[f64], seed: u64) -> Self {
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         let mut frame = || rates.iter().map(|r| uniform(&mut random) < *r).collect();
         let frames = (0..readouts).map(|_| frame()).collect();
@@ -33,7 +33,7 @@ impl Stream {
     }
 
     /// Exact integrators: the charge is a whole number of `1/one` thresholds.
-    pub fn integrators(width: u32, height: u32, readouts: usize, rates: &[f64], seed: u64) -> Self {
+    pub(crate) fn integrators(width: u32, height: u32, readouts: usize, rates: &[f64], seed: u64) -> Self {
         let one = 1_u64 << 40;
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         let mut charge: Vec<u64> = rates.iter().map(|_| random.next_u64() % one).collect();
@@ -47,7 +47,7 @@ impl Stream {
         Self::of(width, height, frames)
     }
 
-    pub fn packed(&self) -> Vec<u8> {
+    pub(crate) fn packed(&self) -> Vec<u8> {
         let bytes = self.geometry.frame_bytes();
         let mut packed = vec![0; bytes * self.frames.len()];
         for (frame, out) in self.frames.iter().zip(packed.chunks_mut(bytes)) {
@@ -57,7 +57,7 @@ impl Stream {
     }
 
     /// Measures in batches of the given sizes, the last one repeated.
-    pub fn measure(&self, options: &Options, batches: &[usize]) -> Statistics {
+    pub(crate) fn measure(&self, options: &MeasureOptions, batches: &[usize]) -> Statistics {
         let packed = self.packed();
         let mut accumulator = Accumulator::new(self.geometry, options).unwrap();
         let mut rest = packed.as_slice();
@@ -71,12 +71,12 @@ impl Stream {
         accumulator.finish()
     }
 
-    pub fn pixels(&self) -> usize {
+    pub(crate) fn pixels(&self) -> usize {
         self.geometry.pixels()
     }
 
     /// The spike times of a pixel.
-    pub fn times(&self, p: usize) -> Vec<u32> {
+    pub(crate) fn times(&self, p: usize) -> Vec<u32> {
         (0..self.frames.len()).filter(|t| self.frames[*t][p]).map(|t| t as u32).collect()
     }
 
@@ -85,7 +85,7 @@ impl Stream {
     }
 
     /// Coincidences of pixel `p` by visiting each readout.
-    pub fn coincidences(&self, p: usize, pair: Pair) -> u32 {
+    pub(crate) fn coincidences(&self, p: usize, pair: Pair) -> u32 {
         let (width, col) = (self.geometry.width(), p % self.geometry.width());
         let other = match pair {
             Pair::Right | Pair::RightAfter | Pair::RightBefore => (col + 1 < width).then_some(p + 1),
@@ -96,12 +96,13 @@ impl Stream {
             Pair::Right | Pair::Lower => self.fires(t, p) && self.fires(t, q),
             Pair::RightAfter | Pair::LowerAfter => self.fires(t, p) && self.fires(t + 1, q),
             Pair::RightBefore | Pair::LowerBefore => self.fires(t, q) && self.fires(t + 1, p),
+            _ => panic!("{pair:?} has no loop"),
         };
         (0..self.frames.len()).filter(|t| both(*t)).count() as u32
     }
 
     /// Compares per-pixel counts with a visit of each pixel and readout.
-    pub fn check_counts(&self, statistics: &Statistics) {
+    pub(crate) fn check_counts(&self, statistics: &Statistics) {
         let counts = statistics.counts.as_ref().unwrap();
         for p in 0..self.pixels() {
             let times = self.times(p);
@@ -116,7 +117,7 @@ impl Stream {
     }
 
     /// Compares whole-readout statistics.
-    pub fn check_frames(&self, statistics: &Statistics) {
+    pub(crate) fn check_frames(&self, statistics: &Statistics) {
         let frames = statistics.frames.as_ref().unwrap();
         let totals: Vec<u32> = self.frames.iter().map(|f| f.iter().filter(|b| **b).count() as u32).collect();
         assert_eq!(frames.totals, totals);
@@ -176,12 +177,12 @@ fn check_excess(lines: &[f64], excess: f64, n: usize, cov: impl Fn(usize, usize)
     assert!((excess - (within - between)).abs() < 1e-9, "{excess} {within} {between}");
 }
 
-pub fn mean(x: &[f64]) -> f64 {
+pub(crate) fn mean(x: &[f64]) -> f64 {
     x.iter().sum::<f64>() / x.len() as f64
 }
 
 /// Unbiased covariance.
-pub fn covariance(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn covariance(a: &[f64], b: &[f64]) -> f64 {
     let (ma, mb) = (mean(a), mean(b));
     let sum: f64 = a.iter().zip(b).map(|(x, y)| (x - ma) * (y - mb)).sum();
     sum / (a.len() as f64 - 1.0)

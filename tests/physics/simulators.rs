@@ -2,7 +2,7 @@
 
 use crate::common_oracle::{Estimate, Independent, Times, planned, preset, seeds, spread_light};
 use image::{Rgb, RgbImage};
-use spikelane::light::{Frame, Options, open};
+use spikelane::light::{Frame, InputOptions, open};
 use spikelane::pixel::Noise;
 use tempfile::TempDir;
 
@@ -194,7 +194,7 @@ fn rates_of(name: &str, picture: &RgbImage, readouts: usize) -> Vec<f64> {
     let path = dir.path().join("picture.png");
     picture.save(&path).unwrap();
     let camera = preset(name, picture.width(), picture.height());
-    let mut source = open(&path, &Options::of(&camera)).unwrap();
+    let mut source = open(&path, &InputOptions::of(&camera)).unwrap();
     let mut frame = Frame::dark(source.geometry());
     assert!(source.next_frame(&mut frame).unwrap());
     let found = planned(&camera, seeds(1), &frame.to_f32(), 20, readouts);

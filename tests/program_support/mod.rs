@@ -8,37 +8,37 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 /// A folder in which the program runs.
-pub struct Place(TempDir);
+pub(crate) struct Place(TempDir);
 
 impl Place {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self(TempDir::new().unwrap())
     }
 
-    pub fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
-    pub fn command(&self, line: &str) -> Command {
+    pub(crate) fn command(&self, line: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_spikelane"));
         command.args(line.split_whitespace()).current_dir(self.0.path()).stdin(Stdio::null());
         command.env_remove("SPIKELANE_BACKEND");
         command
     }
 
-    pub fn run(&self, line: &str) -> Ran {
+    pub(crate) fn run(&self, line: &str) -> Ran {
         Ran::of(line, self.command(line).output().unwrap())
     }
 
     /// Runs what has to succeed.
-    pub fn good(&self, line: &str) -> Ran {
+    pub(crate) fn good(&self, line: &str) -> Ran {
         let ran = self.run(line);
         assert_eq!(ran.code, 0, "{line}: {}", ran.stderr);
         ran
     }
 
     /// Runs what has to fail with `code`, say `words`, and leave the folder as it was.
-    pub fn refused(&self, line: &str, code: i32, words: &[&str]) {
+    pub(crate) fn refused(&self, line: &str, code: i32, words: &[&str]) {
         let before = self.names();
         let ran = self.run(line);
         assert_eq!(ran.code, code, "{line}: {}", ran.stderr);
@@ -49,7 +49,7 @@ impl Place {
     }
 
     /// Names in the folder, hidden ones included.
-    pub fn names(&self) -> Vec<String> {
+    pub(crate) fn names(&self) -> Vec<String> {
         let entries = std::fs::read_dir(self.0.path()).unwrap();
         let mut names: Vec<_> =
             entries.map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
@@ -57,21 +57,21 @@ impl Place {
         names
     }
 
-    pub fn read(&self, name: &str) -> Vec<u8> {
+    pub(crate) fn read(&self, name: &str) -> Vec<u8> {
         std::fs::read(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
     }
 
-    pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+    pub(crate) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
         std::fs::write(self.path(name), bytes).unwrap();
         self.path(name)
     }
 
-    pub fn json(&self, name: &str) -> Value {
+    pub(crate) fn json(&self, name: &str) -> Value {
         serde_json::from_slice(&self.read(name)).unwrap()
     }
 
     /// A grey PNG whose pixels are `level`.
-    pub fn picture(&self, name: &str, width: u32, height: u32, level: u8) -> PathBuf {
+    pub(crate) fn picture(&self, name: &str, width: u32, height: u32, level: u8) -> PathBuf {
         let image = image::GrayImage::from_pixel(width, height, image::Luma([level]));
         let path = self.path(name);
         image.save(&path).unwrap();
@@ -79,14 +79,14 @@ impl Place {
     }
 }
 
-pub struct Ran {
+pub(crate) struct Ran {
     pub code: i32,
     pub stdout: String,
     pub stderr: String,
 }
 
 impl Ran {
-    pub fn of(line: &str, output: Output) -> Self {
+    pub(crate) fn of(line: &str, output: Output) -> Self {
         let text = |bytes| String::from_utf8(bytes).unwrap();
         let code = output.status.code().unwrap_or_else(|| panic!("{line}: ended by a signal"));
         let ran = Self { code, stdout: text(output.stdout), stderr: text(output.stderr) };
@@ -95,13 +95,13 @@ impl Ran {
     }
 
     /// Standard output as JSON, line by line.
-    pub fn events(&self) -> Vec<Value> {
+    pub(crate) fn events(&self) -> Vec<Value> {
         self.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
     }
 }
 
 /// A NumPy file of f32 in the shape (frames, height, width).
-pub fn npy_f32(shape: [usize; 3], values: &[f32]) -> Vec<u8> {
+pub(crate) fn npy_f32(shape: [usize; 3], values: &[f32]) -> Vec<u8> {
     let [t, h, w] = shape;
     let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({t}, {h}, {w}), }}");
     text.push_str(&" ".repeat(128 - 11 - text.len()));
@@ -114,7 +114,7 @@ pub fn npy_f32(shape: [usize; 3], values: &[f32]) -> Vec<u8> {
 }
 
 /// A mono y4m video whose frame `i` has every pixel at `levels[i]`.
-pub fn y4m(width: usize, height: usize, levels: &[u8]) -> Vec<u8> {
+pub(crate) fn y4m(width: usize, height: usize, levels: &[u8]) -> Vec<u8> {
     let mut bytes = format!("YUV4MPEG2 W{width} H{height} F25:1 Ip A1:1 Cmono\n").into_bytes();
     for &level in levels {
         bytes.extend(b"FRAME\n");
@@ -123,6 +123,6 @@ pub fn y4m(width: usize, height: usize, levels: &[u8]) -> Vec<u8> {
     bytes
 }
 
-pub fn exists(path: &Path) -> bool {
+pub(crate) fn exists(path: &Path) -> bool {
     path.symlink_metadata().is_ok()
 }

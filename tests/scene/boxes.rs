@@ -4,13 +4,11 @@ use spikelane::Kind;
 use spikelane::scene::{DVec3, Lighting, Scene, SceneOptions, Semantic, labels};
 
 fn options() -> SceneOptions {
-    SceneOptions {
-        width: 200,
-        height: 125,
-        lighting: Some(Lighting::Noon),
-        duration_s: 2.0,
-        ..SceneOptions::default()
-    }
+    SceneOptions::default()
+        .with_width(200)
+        .with_height(125)
+        .with_lighting(Some(Lighting::Noon))
+        .with_duration_s(2.0)
 }
 
 #[test]
@@ -73,7 +71,7 @@ fn three_dimensional_boxes_project_around_the_visible_pixels() {
 
 #[test]
 fn a_street_without_vehicles_has_no_instances() {
-    let scene = Scene::random(14, &SceneOptions { vehicles: Some(0), ..options() }).unwrap();
+    let scene = Scene::random(14, &options().with_vehicles(Some(0))).unwrap();
     let l = scene.labels(0.5, 1).unwrap();
     assert_eq!(scene.vehicles(), 0);
     assert!(l.instance.iter().all(|&i| i == 0));
@@ -97,27 +95,27 @@ fn kitti_lines_have_fifteen_fields() {
 #[test]
 fn impossible_cameras_and_speeds_are_refused() {
     let bad = [
-        SceneOptions { width: 0, ..options() },
-        SceneOptions { fov_deg: Some(180.0), ..options() },
-        SceneOptions { fov_deg: Some(f64::NAN), ..options() },
-        SceneOptions { speed_kmh: Some(-5.0), ..options() },
-        SceneOptions { speed_kmh: Some(4000.0), ..options() },
-        SceneOptions { duration_s: 0.0, ..options() },
-        SceneOptions { flicker_hz: Some(0.0), ..options() },
+        options().with_width(0),
+        options().with_fov_deg(Some(180.0)),
+        options().with_fov_deg(Some(f64::NAN)),
+        options().with_speed_kmh(Some(-5.0)),
+        options().with_speed_kmh(Some(4000.0)),
+        options().with_duration_s(0.0),
+        options().with_flicker_hz(Some(0.0)),
     ];
     for o in bad {
         let error = Scene::random(1, &o).unwrap_err();
         assert_eq!(error.kind(), Kind::Usage);
         assert!(error.to_string().contains("expected"), "{error}");
     }
-    let scene = Scene::random(1, &SceneOptions { vehicles: Some(0), ..options() }).unwrap();
+    let scene = Scene::random(1, &options().with_vehicles(Some(0))).unwrap();
     assert_eq!(scene.camera(2.5).unwrap_err().kind(), Kind::Usage);
     assert_eq!(scene.keyframes(1.0, 0.5, 20_000.0, 1).unwrap_err().kind(), Kind::Usage);
 }
 
 #[test]
 fn a_drive_of_ten_kilometres_is_refused_with_a_remedy() {
-    let long = SceneOptions { duration_s: 120.0, speed_kmh: Some(300.0), ..options() };
+    let long = options().with_duration_s(120.0).with_speed_kmh(Some(300.0));
     let error = Scene::random(1, &long).unwrap_err();
     assert_eq!(error.kind(), Kind::Usage);
     assert!(error.to_string().contains("shorten the drive"), "{error}");

@@ -1,15 +1,13 @@
 //! Flow, depth and warping against geometry and against true renders.
 
-use spikelane::scene::{DVec3, Flow, Labels, Lighting, Samples, Scene, SceneOptions, Semantic, Warp};
+use spikelane::scene::{DVec3, Flow, Labels, Lighting, SamplesPerPixel, Scene, SceneOptions, Semantic, Warp};
 
 fn scene(seed: u64, lighting: Lighting) -> Scene {
-    let options = SceneOptions {
-        width: 200,
-        height: 125,
-        lighting: Some(lighting),
-        duration_s: 1.0,
-        ..SceneOptions::default()
-    };
+    let options = SceneOptions::default()
+        .with_width(200)
+        .with_height(125)
+        .with_lighting(Some(lighting))
+        .with_duration_s(1.0);
     Scene::random(seed, &options).unwrap()
 }
 
@@ -146,7 +144,7 @@ fn difference(x: &[f32], truth: &[f32]) -> f64 {
 fn warped_frames_come_close_to_true_renders() {
     let scene = scene(6, Lighting::LowSun);
     let plan = scene.keyframes(0.5, 0.53, 40_000.0, 1).unwrap();
-    let render = |k: usize| scene.render(plan.readouts[k], Samples::Sixteen, 1).unwrap();
+    let render = |k: usize| scene.render(plan.readouts[k], SamplesPerPixel::Sixteen, 1).unwrap();
     let mut errors = Vec::new();
     for (first, last) in [(2, 3), (2, 14)] {
         let (i, j) = (plan.keys[first], plan.keys[last]);

@@ -3,23 +3,21 @@
 use spikelane::dataset::Drive;
 use spikelane::effects::Camera;
 use spikelane::light::{Frame, Rate, Source};
-use spikelane::measure::{Accumulator, Line, Options, spectrum};
-use spikelane::scene::{Lighting, Samples, Scene, SceneOptions};
+use spikelane::measure::{Accumulator, Line, MeasureOptions, spectrum};
+use spikelane::scene::{Lighting, SamplesPerPixel, Scene, SceneOptions};
 use spikelane::simulate::FrameRef;
 use spikelane::{Geometry, Packed, Seeds, Simulator, presets};
 
 const SIZE: (u32, u32) = (64, 40);
 
 fn scene(lighting: Lighting, duration_s: f64, flicker_hz: Option<f64>) -> Scene {
-    let options = SceneOptions {
-        width: SIZE.0,
-        height: SIZE.1,
-        lighting: Some(lighting),
-        duration_s,
-        speed_kmh: Some(60.0),
-        flicker_hz,
-        ..SceneOptions::default()
-    };
+    let options = SceneOptions::default()
+        .with_width(SIZE.0)
+        .with_height(SIZE.1)
+        .with_lighting(Some(lighting))
+        .with_duration_s(duration_s)
+        .with_speed_kmh(Some(60.0))
+        .with_flicker_hz(flicker_hz);
     Scene::random(3, &options).unwrap()
 }
 
@@ -36,9 +34,9 @@ fn night_lines(flicker_hz: Option<f64>) -> Vec<Line> {
     let camera = camera("physical", 2000.0);
     let mut simulator = Simulator::new(&camera, Seeds { camera: 1, shot: 2, sequence: 0 }).unwrap();
     let (scene, rate) = (scene(Lighting::Night, 0.25, flicker_hz), Rate::new(2000, 1).unwrap());
-    let mut drive = Drive::new(scene, rate, READOUTS as u64, None, Samples::Four, 2).unwrap();
+    let mut drive = Drive::new(scene, rate, READOUTS as u64, None, SamplesPerPixel::Four, 2).unwrap();
     let geometry = drive.geometry();
-    let mut measured = Accumulator::new(geometry, &Options::only_frames()).unwrap();
+    let mut measured = Accumulator::new(geometry, &MeasureOptions::only_frames()).unwrap();
     let (mut frame, mut packed) = (Frame::dark(geometry), vec![0; geometry.frame_bytes()]);
     while drive.next_frame(&mut frame).unwrap() {
         let light: Vec<f32> = frame.to_f32().into_iter().map(|v| v.min(1.0)).collect();
@@ -92,7 +90,7 @@ fn interval_noise(camera: &Camera, light: &[f32]) -> (f64, usize) {
 /// `sqrt(2 / (100 * 60))`, 2 %; an error of a tenth in K is seen.
 #[test]
 fn low_light_shows_the_shot_noise_of_its_electrons() {
-    let night = scene(Lighting::Night, 1.0, None).render(0.5, Samples::Four, 2).unwrap();
+    let night = scene(Lighting::Night, 1.0, None).render(0.5, SamplesPerPixel::Four, 2).unwrap();
     // Full scale, 1 cd/m2 here, is 180 electrons per readout and one spike in 167 readouts.
     let light: Vec<f32> = night.light.iter().map(|v| v.min(1.0)).collect();
     let ideal = camera("ideal", 20_000.0);
@@ -119,7 +117,7 @@ fn the_tunnels_exit_saturates_and_the_camera_recovers() {
     let camera = camera("physical", 20_000.0);
     let geometry = camera.sensor.geometry;
     let light = |t: f64| -> Vec<f32> {
-        let frame = scene.render(t, Samples::Four, 2).unwrap();
+        let frame = scene.render(t, SamplesPerPixel::Four, 2).unwrap();
         frame.light.iter().map(|v| (v / scene.white_cd_m2()).min(2.0)).collect()
     };
     let (inside, outside) = (light(0.0), light(1.5));

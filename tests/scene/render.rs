@@ -1,15 +1,9 @@
 //! The same bytes on any number of threads, other bytes for other seeds, and light in order.
 
-use spikelane::scene::{Lighting, Samples, Scene, SceneOptions};
+use spikelane::scene::{Lighting, SamplesPerPixel, Scene, SceneOptions};
 
 fn options(lighting: Lighting) -> SceneOptions {
-    SceneOptions {
-        width: 120,
-        height: 75,
-        lighting: Some(lighting),
-        duration_s: 1.0,
-        ..SceneOptions::default()
-    }
+    SceneOptions::default().with_width(120).with_height(75).with_lighting(Some(lighting)).with_duration_s(1.0)
 }
 
 fn median(mut light: Vec<f32>) -> f32 {
@@ -21,19 +15,19 @@ fn median(mut light: Vec<f32>) -> f32 {
 fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
     for lighting in [Lighting::Noon, Lighting::Night] {
         let scene = Scene::random(21, &options(lighting)).unwrap();
-        let one = scene.render(0.5, Samples::Four, 1).unwrap();
+        let one = scene.render(0.5, SamplesPerPixel::Four, 1).unwrap();
         for threads in [2, 3] {
-            assert_eq!(one, scene.render(0.5, Samples::Four, threads).unwrap(), "{threads} threads");
+            assert_eq!(one, scene.render(0.5, SamplesPerPixel::Four, threads).unwrap(), "{threads} threads");
         }
         let again = Scene::random(21, &options(lighting)).unwrap();
-        assert_eq!(one, again.render(0.5, Samples::Four, 2).unwrap());
+        assert_eq!(one, again.render(0.5, SamplesPerPixel::Four, 2).unwrap());
         assert_eq!(one.labels, scene.labels(0.5, 2).unwrap());
     }
 }
 
 #[test]
 fn scenes_of_different_seeds_differ_in_layout_traffic_and_light() {
-    let open = SceneOptions { lighting: None, ..options(Lighting::Noon) };
+    let open = options(Lighting::Noon).with_lighting(None);
     let scenes: Vec<Scene> = (0..6).map(|seed| Scene::random(seed, &open).unwrap()).collect();
     for w in scenes.windows(2) {
         let (a, b) = (w[0].labels(0.5, 1).unwrap(), w[1].labels(0.5, 1).unwrap());
@@ -66,7 +60,7 @@ fn presets_follow_one_another_from_bright_to_dark() {
                         median(
                             Scene::random(seed, &options(l))
                                 .unwrap()
-                                .render(0.5, Samples::Four, 1)
+                                .render(0.5, SamplesPerPixel::Four, 1)
                                 .unwrap()
                                 .light,
                         )
@@ -85,22 +79,22 @@ fn presets_follow_one_another_from_bright_to_dark() {
 #[test]
 fn sixteen_samples_agree_with_four_in_the_mean() {
     let scene = Scene::random(22, &options(Lighting::Noon)).unwrap();
-    let mean = |s: Samples| {
+    let mean = |s: SamplesPerPixel| {
         let light = scene.render(0.5, s, 1).unwrap().light;
         assert!(light.iter().all(|l| l.is_finite() && *l >= 0.0));
         light.iter().sum::<f32>() / light.len() as f32
     };
-    let (few, many) = (mean(Samples::Four), mean(Samples::Sixteen));
+    let (few, many) = (mean(SamplesPerPixel::Four), mean(SamplesPerPixel::Sixteen));
     assert!((few / many - 1.0).abs() < 0.02, "{few} against {many}");
 }
 
 #[test]
 fn lamps_that_flicker_change_the_light_of_the_night() {
-    let o = SceneOptions { flicker_hz: Some(100.0), ..options(Lighting::Night) };
+    let o = options(Lighting::Night).with_flicker_hz(Some(100.0));
     let scene = Scene::random(23, &o).unwrap();
     // Half a period apart nothing has moved by a pixel, but the lamps have changed.
     let mean = |t: f64| {
-        let light = scene.render(t, Samples::Four, 1).unwrap().light;
+        let light = scene.render(t, SamplesPerPixel::Four, 1).unwrap().light;
         light.iter().map(|l| l.min(5.0)).sum::<f32>() / light.len() as f32
     };
     let levels: Vec<f32> = (0..4).map(|i| mean(0.5 + 0.0025 * f64::from(i))).collect();

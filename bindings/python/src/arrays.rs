@@ -7,8 +7,8 @@ use numpy::{
 };
 use pyo3::prelude::*;
 use spikelane::Geometry;
-use spikelane::kernels::Samples;
 use spikelane::simulate::FrameRef;
+use spikelane::simulate::Samples;
 
 use crate::error::{Raise as _, usage, wrong_type};
 

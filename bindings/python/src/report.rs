@@ -6,12 +6,14 @@ use std::path::PathBuf;
 use numpy::PyUntypedArrayMethods as _;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
-use spikelane::calibrate::{Options as Calibrating, RecordingSet, SneeOptions, observe, snee, write};
-use spikelane::diagnose::{Extent, Options as Diagnosing, page};
+use spikelane::calibrate::{
+    CalibrateOptions as Calibrating, RecordingSet, SneeOptions, observe, snee, write,
+};
+use spikelane::diagnose::{DiagnoseOptions as Diagnosing, Extent, page};
+use spikelane::formats::write_small;
 use spikelane::formats::{Layout, Reader};
 use spikelane::measure::{Recording, high_pass};
 use spikelane::simulate::save_camera;
-use spikelane::storage::write_small;
 use spikelane::{Error, Kind};
 
 use crate::arrays::{bytes, geometry};
@@ -111,12 +113,14 @@ pub fn calibrate(
     let (text, camera) = stoppable(py, Watch::new(py, progress, "share")?, |tell| {
         if let Some(folder) = &out {
             let names = ["camera.toml", "calibration.json", "report.html"];
-            spikelane::storage::refuse_existing(folder, &names, force)?;
+            spikelane::formats::refuse_existing(folder, &names, force)?;
         }
         let set = RecordingSet::open(&recordings)?;
         let observed = observe(&set, &mut |_, share| tell(share))?;
-        let options =
-            Calibrating { lost_increment: dead_time, light_uncertainty, precision, ..Calibrating::default() };
+        let options = Calibrating::default()
+            .with_lost_increment(dead_time)
+            .with_light_uncertainty(light_uncertainty)
+            .with_precision(precision);
         let mut calibration = spikelane::calibrate::calibrate(&observed, &options)?;
         if paper {
             calibration.paper = Some(snee(&observed, &SneeOptions::default())?);
@@ -148,7 +152,7 @@ pub fn diagnose(
     let (text, found) = stoppable(py, Watch::new(py, progress, "share")?, |tell| {
         if let Some(folder) = &out {
             let names = ["diagnosis.json", "report.html", "camera.toml"];
-            spikelane::storage::refuse_existing(folder, &names, force)?;
+            spikelane::formats::refuse_existing(folder, &names, force)?;
         }
         let set = RecordingSet::open(&recordings)?;
         let holdout = holdout.as_deref().map(RecordingSet::open).transpose()?;

@@ -3,7 +3,7 @@
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
-use spikelane::scene::{Labels, Lighting, Samples, SceneOptions, Semantic};
+use spikelane::scene::{Labels, Lighting, SamplesPerPixel, SceneOptions, Semantic};
 
 use crate::arrays::picture;
 use crate::error::{Raise as _, usage};
@@ -44,8 +44,15 @@ impl Scene {
             Lighting::from_name(name).ok_or_else(wrong)
         };
         let lighting = lighting.map(named).transpose()?;
-        let options =
-            SceneOptions { width, height, fov_deg, lighting, duration_s, speed_kmh, vehicles, flicker_hz };
+        let options = SceneOptions::default()
+            .with_width(width)
+            .with_height(height)
+            .with_fov_deg(fov_deg)
+            .with_lighting(lighting)
+            .with_duration_s(duration_s)
+            .with_speed_kmh(speed_kmh)
+            .with_vehicles(vehicles)
+            .with_flicker_hz(flicker_hz);
         py.detach(|| spikelane::scene::Scene::random(seed, &options)).or_raise().map(Self)
     }
 
@@ -84,8 +91,8 @@ impl Scene {
     ) -> PyResult<Bound<'py, PyDict>> {
         check_threads(threads)?;
         let samples = match samples {
-            4 => Samples::Four,
-            16 => Samples::Sixteen,
+            4 => SamplesPerPixel::Four,
+            16 => SamplesPerPixel::Sixteen,
             other => return Err(usage("samples", other, "4 or 16 colour samples a pixel", "give 4")),
         };
         let mut drawn = py.detach(|| self.0.render(t, samples, threads)).or_raise()?;
@@ -166,7 +173,7 @@ impl Scene {
                 "",
             ));
         }
-        let samples = if samples == 16 { Samples::Sixteen } else { Samples::Four };
+        let samples = if samples == 16 { SamplesPerPixel::Sixteen } else { SamplesPerPixel::Four };
         let mut watch = Watch::new(py, progress, "frames")?;
         let white = self.0.white_cd_m2();
         let (mut light, mut size) = (Vec::new(), (0, 0));

@@ -14,7 +14,7 @@ use super::identify::identify;
 use super::state::{Fitter, Point};
 use crate::calibrate::formulas::fit::{PixelFit, fit_line, least_absolute};
 use crate::calibrate::population::Population;
-use crate::calibrate::result::{Calibration, Options, Redrawn};
+use crate::calibrate::result::{CalibrateOptions, Calibration, Redrawn};
 use crate::calibrate::sets::observed::Observed;
 use crate::error::{Error, Kind, Result};
 use crate::measure::{finite, median_and_spread};
@@ -27,7 +27,7 @@ const BENT: f64 = 2.0;
 ///
 /// # Errors
 /// When fewer than two levels can be used, or the precision asked for needs more readouts.
-pub fn calibrate(observed: &Observed, options: &Options) -> Result<Calibration> {
+pub fn calibrate(observed: &Observed, options: &CalibrateOptions) -> Result<Calibration> {
     let mut fitter = Fitter::new(observed, options)?;
     fitter.measure_noise();
     fitter.find_levels()?;
@@ -154,7 +154,7 @@ impl Fitter<'_> {
         Population::of(self.fits.iter().zip(&usual).filter(|(_, usual)| **usual).map(|(fit, _)| fit))
     }
 
-    fn finish(mut self, options: &Options) -> Result<Calibration> {
+    fn finish(mut self, options: &CalibrateOptions) -> Result<Calibration> {
         let fits = &self.fits;
         let fired = |p: &usize| self.observed.levels.iter().all(|l| l.light == 0.0 || l.rate[*p] <= 0.0);
         let dead: Vec<usize> = (0..fits.len()).filter(fired).collect();
@@ -209,7 +209,7 @@ impl Fitter<'_> {
     }
 }
 
-fn check_precision(fitter: &Fitter<'_>, population: &Population, options: &Options) -> Result<()> {
+fn check_precision(fitter: &Fitter<'_>, population: &Population, options: &CalibrateOptions) -> Result<()> {
     let Some(asked) = options.precision else { return Ok(()) };
     let relative = |f: &PixelFit| f.var_a.sqrt() / population.mean_a.value;
     let mut errors = finite(&fitter.fits.iter().map(relative).collect::<Vec<_>>());

@@ -3,7 +3,7 @@
 use super::lamps::Alignment;
 use crate::calibrate::formulas::fit::{PixelFit, Weighting, without_end_bias};
 use crate::calibrate::formulas::selection::{nu, psi};
-use crate::calibrate::result::{Options, Redrawn};
+use crate::calibrate::result::{CalibrateOptions, Redrawn};
 use crate::calibrate::sets::check::{SATURATED, TIMED};
 use crate::calibrate::sets::observed::{Level, Observed};
 use crate::error::{Error, Kind, Result};
@@ -64,7 +64,7 @@ pub(super) struct Fitter<'a> {
 pub(super) const NOTHING: Estimate = Estimate { value: 0.0, error: 0.0, samples: 0 };
 
 impl<'a> Fitter<'a> {
-    pub(super) fn new(observed: &'a Observed, options: &Options) -> Result<Self> {
+    pub(super) fn new(observed: &'a Observed, options: &CalibrateOptions) -> Result<Self> {
         let geometry = observed.geometry;
         let usable = observed.levels.iter().filter(|l| l.median_rate() <= SATURATED).count();
         if usable < 2 || observed.levels.iter().all(|l| l.light == 0.0) {

@@ -31,13 +31,14 @@ impl Weighting {
 /// ones at the end. The span is short by `f r (1 - r)`, which is up to 0.4 standard errors of a single rate
 /// and the same for all pixels of a level.
 #[must_use]
-pub fn without_end_bias(f: f64, intervals: f64) -> f64 {
+pub(crate) fn without_end_bias(f: f64, intervals: f64) -> f64 {
     let r = (1.0 / f).fract();
     f / (1.0 + f * f * r * (1.0 - r) / intervals)
 }
 
 /// One pixel's line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct PixelFit {
     /// Thresholds per readout at full-scale light.
     pub a: f64,

@@ -169,7 +169,9 @@ impl Chain {
         let mut sums = vec![0.0; lags.len()];
         for i in 0..TURNS {
             let c = f64::from(i) / f64::from(TURNS);
-            let Some(phases) = self.stationary(c) else { return vec![f64::NAN; lags.len()] };
+            let Some(phases) = self.stationary(c) else {
+                return vec![f64::NAN; lags.len()];
+            };
             let mut span = self.next(&self.start, &[phases], c);
             let mut at = 1;
             for (sum, lag) in sums.iter_mut().zip(lags) {

@@ -7,15 +7,15 @@ use crate::measure::{finite, high_pass, median};
 use crate::spikes::Geometry;
 
 /// Rates above this are censored: the pixel fires at nearly every readout and tells nothing.
-pub const SATURATED: f64 = 0.985;
+pub(crate) const SATURATED: f64 = 0.985;
 
 /// Spikes that a pixel needs for a rate by time: one interval. A count in place of it, of pixels that happen to have fewer
 /// spikes than three, makes slow pixels slower than they are: of a pixel that fires 2.5 times those recordings are counted that
 /// have two spikes, and its rate comes out a tenth too low in the mean.
-pub const TIMED: u32 = 2;
+pub(crate) const TIMED: u32 = 2;
 
 /// Spikes that most pixels of a lit level need.
-pub const LEAST_SPIKES: u32 = 3;
+pub(crate) const LEAST_SPIKES: u32 = 3;
 
 /// Share of the pixels that may drift before a scene counts as moving.
 const MOVING: f64 = 0.02;
@@ -25,7 +25,7 @@ fn error(name: &str) -> Error {
 }
 
 /// A checkerboard must be where the set says: its high squares brighter than its low ones.
-pub fn checkerboard(level: &Level, light: Light, geometry: Geometry) -> Result<()> {
+pub(crate) fn checkerboard(level: &Level, light: Light, geometry: Geometry) -> Result<()> {
     let width = geometry.width();
     let bright = |flip: bool| {
         let mut sides = [(0.0, 0.0); 2];
@@ -43,7 +43,7 @@ pub fn checkerboard(level: &Level, light: Light, geometry: Geometry) -> Result<(
         if high + low > 0.0 { (high - low) / (high + low) } else { 0.0 }
     };
     let (high, low) = match light {
-        Light::Scene(super::recordings::Scene::Checkerboard { high, low, .. }) => {
+        Light::Scene(super::recordings::Pattern::Checkerboard { high, low, .. }) => {
             (high.min(1.0), low.min(1.0))
         }
         _ => return Ok(()),
@@ -66,7 +66,7 @@ pub fn checkerboard(level: &Level, light: Light, geometry: Geometry) -> Result<(
 }
 
 /// Everything that the levels of a set must fulfil.
-pub fn levels(observed: &Observed) -> Result<()> {
+pub(crate) fn levels(observed: &Observed) -> Result<()> {
     let levels = &observed.levels;
     if let Some(moving) = levels.iter().find(|l| l.drifting > MOVING) {
         return Err(error(&moving.name)

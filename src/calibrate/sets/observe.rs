@@ -9,7 +9,7 @@ use super::observed::{IntervalNoise, Level, Observed};
 use super::recordings::{Light, RateMap, RecordingSet};
 use crate::error::{Error, Kind, Result};
 use crate::formats::Reader;
-use crate::measure::{NEVER, Options, Statistics, finite, median, median_and_spread, of_stream};
+use crate::measure::{MeasureOptions, NEVER, Statistics, finite, median, median_and_spread, of_stream};
 use crate::npy;
 use crate::spikes::Geometry;
 
@@ -43,7 +43,7 @@ pub fn observe(set: &RecordingSet, progress: Progress<'_>) -> Result<Observed> {
         let mut tell = |readouts: usize| progress(name, (done + readouts) as f64 / total.max(1) as f64);
         let light = recording.light;
         let wanted = light.level().is_some()
-            || matches!(light, Light::Scene(super::recordings::Scene::Checkerboard { .. }));
+            || matches!(light, Light::Scene(super::recordings::Pattern::Checkerboard { .. }));
         if wanted {
             let dim = light.level().is_some_and(|l| l <= DIM);
             let statistics = measured(reader, dim, &mut tell)?;
@@ -72,14 +72,14 @@ pub fn observe(set: &RecordingSet, progress: Progress<'_>) -> Result<Observed> {
 }
 
 fn measured(reader: &Reader, intervals: bool, tell: &mut dyn FnMut(usize)) -> Result<Statistics> {
-    let options = Options {
+    let options = MeasureOptions {
         counts: true,
         frames: false,
         intervals,
         lags: LAGS.to_vec(),
         split: Some((reader.readouts() / 2) as u32),
         series_readouts: 0,
-        ..Options::default()
+        ..MeasureOptions::default()
     };
     of_stream(reader, &options, tell)
 }

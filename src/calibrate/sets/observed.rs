@@ -14,6 +14,7 @@ pub struct IntervalNoise {
 
 /// A uniform level: per-pixel maps, row-major.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Level {
     /// Its file.
     pub name: String,

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::recordings::{Light, Recording, RecordingSet, Scene};
+use super::recordings::{Light, Pattern, Recording, RecordingSet};
 use crate::calibrate::formulas::fit::Weighting;
 use crate::draws::Seeds;
 use crate::effects::Camera;
@@ -32,8 +32,8 @@ impl Protocol {
         let flat = |l: f64| (format!("flat_{:04}", (l * 1e4).round() as u32), Light::Level(l));
         let mut recordings = vec![("dark".to_owned(), Light::Level(0.0))];
         recordings.extend([0.03, 0.1, 0.3, 0.49, 0.51, 0.6, 0.66, 0.74, 0.9].map(flat));
-        let square = Scene::Square { high: 0.8, low: 0.03, half_period: 500 };
-        let board = Scene::Checkerboard { high: 0.8, low: 0.03, cell: 8 };
+        let square = Pattern::Square { high: 0.8, low: 0.03, half_period: 500 };
+        let board = Pattern::Checkerboard { high: 0.8, low: 0.03, cell: 8 };
         recordings.push(("steps".to_owned(), Light::Scene(square)));
         recordings.push(("checker".to_owned(), Light::Scene(board)));
         Self { recordings, readouts }
@@ -118,10 +118,10 @@ impl Protocol {
         };
         let greatest = match light {
             Light::Level(level) => level,
-            Light::Scene(Scene::Square { high, low, .. } | Scene::Checkerboard { high, low, .. }) => {
+            Light::Scene(Pattern::Square { high, low, .. } | Pattern::Checkerboard { high, low, .. }) => {
                 high.max(low)
             }
-            Light::Scene(Scene::StaticUnknown {}) => {
+            Light::Scene(Pattern::StaticUnknown {}) => {
                 return Err(Error::new(Kind::Usage, path.display())
                     .found("an unknown scene")
                     .expected("light that can be simulated"));
@@ -131,7 +131,7 @@ impl Protocol {
         let mut simulator = Simulator::of_plan(plan).with_threads(rayon::current_num_threads())?;
         let mut writer = StreamWriter::create(path, Layout::Dat, geometry, u64::from(self.readouts), force)?;
         let hold = match light {
-            Light::Scene(Scene::Square { half_period, .. }) => u64::from(half_period),
+            Light::Scene(Pattern::Square { half_period, .. }) => u64::from(half_period),
             _ => u64::MAX,
         };
         let mut buffer = vec![0; BATCH * geometry.frame_bytes()];
@@ -173,6 +173,7 @@ impl Protocol {
 
 /// Standard errors that recordings will give.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Precision {
     /// Readouts a level.
     pub readouts: u32,

@@ -11,17 +11,19 @@ use crate::spikes::Geometry;
 /// What the camera looked at. Light is a fraction of the light that gives one spike per readout.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(untagged)]
+#[non_exhaustive]
 pub enum Light {
     /// A uniform, constant level; 0 is the dark.
     Level(f64),
     /// Anything else.
-    Scene(Scene),
+    Scene(Pattern),
 }
 
 /// Light that is not one uniform level.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Scene {
+#[non_exhaustive]
+pub enum Pattern {
     /// Uniform light that steps between two levels, beginning high.
     Square {
         /// Level of the first half period.
@@ -50,15 +52,15 @@ impl Light {
     pub fn at(self, row: usize, col: usize, readout: u64) -> Option<f64> {
         match self {
             Self::Level(level) => Some(level),
-            Self::Scene(Scene::Square { high, low, half_period }) => {
+            Self::Scene(Pattern::Square { high, low, half_period }) => {
                 let first = (readout / u64::from(half_period.max(1))).is_multiple_of(2);
                 Some(if first { high } else { low })
             }
-            Self::Scene(Scene::Checkerboard { high, low, cell }) => {
+            Self::Scene(Pattern::Checkerboard { high, low, cell }) => {
                 let cell = cell.max(1) as usize;
                 Some(if (row / cell + col / cell).is_multiple_of(2) { high } else { low })
             }
-            Self::Scene(Scene::StaticUnknown {}) => None,
+            Self::Scene(Pattern::StaticUnknown {}) => None,
         }
     }
 
@@ -76,28 +78,30 @@ impl Light {
     pub fn scaled(self, factor: f64) -> Self {
         match self {
             Self::Level(level) => Self::Level(level * factor),
-            Self::Scene(Scene::Square { high, low, half_period }) => {
-                Self::Scene(Scene::Square { high: high * factor, low: low * factor, half_period })
+            Self::Scene(Pattern::Square { high, low, half_period }) => {
+                Self::Scene(Pattern::Square { high: high * factor, low: low * factor, half_period })
             }
-            Self::Scene(Scene::Checkerboard { high, low, cell }) => {
-                Self::Scene(Scene::Checkerboard { high: high * factor, low: low * factor, cell })
+            Self::Scene(Pattern::Checkerboard { high, low, cell }) => {
+                Self::Scene(Pattern::Checkerboard { high: high * factor, low: low * factor, cell })
             }
-            Self::Scene(Scene::StaticUnknown {}) => self,
+            Self::Scene(Pattern::StaticUnknown {}) => self,
         }
     }
 
     fn check(self, file: &str) -> Result<()> {
         let (levels, length) = match self {
             Self::Level(level) => ([level, level], 1),
-            Self::Scene(Scene::Square { high, low, half_period }) => ([high, low], half_period),
-            Self::Scene(Scene::Checkerboard { high, low, cell }) => ([high, low], cell),
-            Self::Scene(Scene::StaticUnknown {}) => ([0.0, 0.0], 1),
+            Self::Scene(Pattern::Square { high, low, half_period }) => ([high, low], half_period),
+            Self::Scene(Pattern::Checkerboard { high, low, cell }) => ([high, low], cell),
+            Self::Scene(Pattern::StaticUnknown {}) => ([0.0, 0.0], 1),
         };
         if levels.iter().any(|l| !(0.0..=100.0).contains(l)) || length == 0 {
             return Err(Error::new(Kind::Config, format_args!("light of {file}"))
                 .found(match self {
                     Self::Level(level) => level.to_string(),
-                    Self::Scene(_) => format!("levels {} and {}, length {length}", levels[0], levels[1]),
+                    Self::Scene(_) => {
+                        format!("levels {} and {}, length {length}", levels[0], levels[1])
+                    }
                 })
                 .expected("levels from 0 to 100 of the light that saturates, lengths above zero"));
         }
@@ -111,6 +115,7 @@ pub const UNTOLD: &str = "light = \"?\"";
 /// A stream of the set.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Recording {
     /// Path relative to the set's file.
     pub file: String,
@@ -127,6 +132,7 @@ pub struct Recording {
 /// A map of per-pixel rates in place of a stream: `.npy`, f32 or f64, rows from the top.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct RateMap {
     /// Path relative to the set's file.
     pub file: String,
@@ -143,6 +149,7 @@ pub struct RateMap {
 /// The recordings of one camera.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct RecordingSet {
     /// Pixels in a row.
     pub width: u32,

@@ -15,6 +15,7 @@ use crate::report::with_known;
 
 /// The files of a calibration.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Files {
     /// `camera.toml`, which `simulate` takes.
     pub camera: PathBuf,

@@ -17,7 +17,7 @@ const TILE: usize = 4096;
 
 /// What a camera of the table has.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Noise {
+pub(crate) enum Noise {
     Ideal,
     Fixed,
     Full,
@@ -25,9 +25,9 @@ pub enum Noise {
 }
 
 impl Noise {
-    pub const ALL: [Self; 4] = [Self::Ideal, Self::Fixed, Self::Full, Self::FewElectrons];
+    pub(crate) const ALL: [Self; 4] = [Self::Ideal, Self::Fixed, Self::Full, Self::FewElectrons];
 
-    pub const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Ideal => "ideal",
             Self::Fixed => "fixed pattern",
@@ -37,7 +37,7 @@ impl Noise {
     }
 
     /// A camera of 400x250 pixels with these effects at their typical strengths.
-    pub fn camera(self) -> Result<Camera> {
+    pub(crate) fn camera(self) -> Result<Camera> {
         let typical = |name: &str| find(name).map(|d| d.typical());
         let mut camera = Camera::ideal(Sensor::new(400, 250, 40_000.0)?).with(typical("start_phase")?);
         if self == Self::Ideal {
@@ -64,14 +64,14 @@ impl Noise {
 }
 
 /// Frames of 100,000 pixels that differ from pixel to pixel and from frame to frame.
-pub fn frames(noise: Noise, count: usize) -> Vec<Vec<u8>> {
+pub(crate) fn frames(noise: Noise, count: usize) -> Vec<Vec<u8>> {
     let level = noise.level();
     let spread = if level == 0 { 1 } else { 40 };
     (0..count).map(|t| (0..100_000).map(|p| (level + (p * 7 + t * 13) % spread) as u8).collect()).collect()
 }
 
 /// One thread, from the kernel's own door: `held` light or a new frame at every readout.
-pub fn kernel(
+pub(crate) fn kernel(
     backend: Backend,
     noise: Noise,
     frames: &[Vec<u8>],
@@ -105,7 +105,7 @@ pub fn kernel(
 }
 
 /// Whole packed frames in memory, by the simulator, on `threads` threads.
-pub fn simulator(noise: Noise, threads: usize, budget: Duration) -> Result<Row> {
+pub(crate) fn simulator(noise: Noise, threads: usize, budget: Duration) -> Result<Row> {
     let mut simulator = Simulator::new(&noise.camera()?, Seeds::default())?.with_threads(threads)?;
     let geometry = simulator.plan().geometry();
     let light = frames(noise, 1);
@@ -123,7 +123,7 @@ pub fn simulator(noise: Noise, threads: usize, budget: Duration) -> Result<Row> 
 }
 
 /// The plain loop.
-pub fn scalar(budget: Duration) -> Row {
+pub(crate) fn scalar(budget: Duration) -> Row {
     let light = frames(Noise::Full, 1);
     let mut plain = super::scalar::Loop::new(light[0].len());
     let mut packed = vec![0; light[0].len().div_ceil(8)];

@@ -21,7 +21,7 @@ const FROM_MEMORY: usize = 1024;
 
 /// Measure the speed of this machine: kernels, files, and what follows
 #[derive(Args, Clone, Debug)]
-pub struct BenchArgs {
+pub(crate) struct BenchArgs {
     /// About how long it may take
     #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
     pub seconds: f64,
@@ -40,7 +40,7 @@ pub struct BenchArgs {
 ///
 /// # Errors
 /// When a file cannot be made, or the arguments make no sense.
-pub fn run(args: &BenchArgs, json: bool) -> Result<()> {
+pub(crate) fn run(args: &BenchArgs, json: bool) -> Result<()> {
     if !(args.seconds > 0.0 && args.seconds <= 86_400.0) {
         return Err(Error::new(Kind::Usage, "--seconds")
             .found(args.seconds)

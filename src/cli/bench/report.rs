@@ -18,7 +18,7 @@ const CAMERAS: [(&str, f64); 3] =
     [("400x250 at 20 kHz", 2.0), ("400x250 at 40 kHz", 4.0), ("1000x1000 at 20 kHz", 20.0)];
 
 /// One measured case.
-pub struct Row {
+pub(crate) struct Row {
     pub what: &'static str,
     pub backend: &'static str,
     pub noise: &'static str,
@@ -29,7 +29,7 @@ pub struct Row {
 }
 
 impl Row {
-    pub fn new(
+    pub(crate) fn new(
         what: &'static str,
         backend: &'static str,
         noise: &'static str,
@@ -42,14 +42,14 @@ impl Row {
 }
 
 /// One number with its unit.
-pub struct Fact {
+pub(crate) struct Fact {
     pub name: String,
     pub value: f64,
     pub unit: &'static str,
 }
 
 /// Where and with what it was measured.
-pub struct Machine {
+pub(crate) struct Machine {
     date: String,
     cpu: String,
     threads: usize,
@@ -59,7 +59,7 @@ pub struct Machine {
 }
 
 impl Machine {
-    pub fn here() -> Self {
+    pub(crate) fn here() -> Self {
         let cpu = std::fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| model(&text));
         Self {
             date: date(),
@@ -103,7 +103,7 @@ fn date() -> String {
 }
 
 /// Everything that was measured.
-pub struct Report {
+pub(crate) struct Report {
     pub machine: Machine,
     pub rows: Vec<Row>,
     pub facts: Vec<Fact>,
@@ -116,7 +116,7 @@ impl Report {
     }
 
     /// The tables, as Markdown, which reads well in a terminal too.
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         let m = &self.machine;
         let mut text = format!(
             "Measured on {}: {}, {} threads; {}; commit {}; portable lanes: {}.\n\n",
@@ -146,7 +146,7 @@ impl Report {
         text
     }
 
-    pub fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         let row = |r: &Row| {
             let real = |(name, needed): (&str, f64)| (name.to_owned(), json!(r.speed / needed));
             let real: serde_json::Map<_, _> = CAMERAS.map(real).into_iter().collect();
@@ -164,7 +164,7 @@ impl Report {
     }
 
     /// Writes the page, keeping what was written by hand behind the marker.
-    pub fn write_page(&self, path: &Path) -> Result<()> {
+    pub(crate) fn write_page(&self, path: &Path) -> Result<()> {
         let old = std::fs::read_to_string(path).unwrap_or_default();
         let kept = old.split_once(MARKER).map_or("\n", |(_, kept)| kept);
         let page = format!(

@@ -5,7 +5,7 @@ use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
 
 /// A camera in the plainest form: charge in thresholds.
-pub struct Loop {
+pub(crate) struct Loop {
     charge: Vec<f32>,
     gain: Vec<f32>,
     dark: Vec<f32>,
@@ -16,7 +16,7 @@ pub struct Loop {
 
 impl Loop {
     /// `pixels` pixels that differ by about two per cent.
-    pub fn new(pixels: usize) -> Self {
+    pub(crate) fn new(pixels: usize) -> Self {
         let mut random = Pcg64Mcg::new(0xcafe_f00d_d15e_a5e5);
         let unit = Normal::new(0.0, 1.0).expect("a deviation of one is valid");
         let mut map = |mean: f32, deviation: f32| -> Vec<f32> {
@@ -28,7 +28,7 @@ impl Loop {
     }
 
     /// One readout: gather charge with shot noise, compare with a noisy threshold, reset.
-    pub fn readout(&mut self, light: &[u8], out: &mut [u8]) {
+    pub(crate) fn readout(&mut self, light: &[u8], out: &mut [u8]) {
         out.fill(0);
         for p in 0..light.len() {
             let mean = f32::from(light[p]) * self.gain[p] + self.dark[p];

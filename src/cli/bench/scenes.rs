@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::Result;
-use crate::scene::{Lighting, Samples, Scene, SceneOptions, Warp};
+use crate::scene::{Lighting, SamplesPerPixel, Scene, SceneOptions, Warp};
 use serde_json::{Value, json};
 
 use super::timing::rate;
@@ -14,7 +14,7 @@ const BLENDER: [(&str, f64); 2] =
     [("Blender, 64 samples (SPCS's setting)", 34_000.0), ("Blender, 8 samples", 2_800.0)];
 
 /// Something drawn.
-pub struct Drawn {
+pub(crate) struct Drawn {
     pub what: String,
     /// Zero for figures that were not measured here.
     pub threads: usize,
@@ -26,13 +26,13 @@ impl Drawn {
         Self { what, threads, ms: 1e3 / rate(budget, 1.0, run) }
     }
 
-    pub fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         json!({"what": self.what, "threads": self.threads, "ms": self.ms})
     }
 }
 
 /// 400x250 frames of one scene under several lights, at 1 s of its drive.
-pub fn measure(all_threads: usize, budget: Duration) -> Result<Vec<Drawn>> {
+pub(crate) fn measure(all_threads: usize, budget: Duration) -> Result<Vec<Drawn>> {
     let mut rows: Vec<Drawn> =
         BLENDER.iter().map(|(what, ms)| Drawn { what: (*what).into(), threads: 0, ms: *ms }).collect();
     let mut threads = vec![1, all_threads];
@@ -43,7 +43,7 @@ pub fn measure(all_threads: usize, budget: Duration) -> Result<Vec<Drawn>> {
         for &n in &threads {
             let what = format!("key frame and labels, {}, 2x2 samples", lighting.name());
             rows.push(Drawn::measured(what, n, budget, || {
-                std::hint::black_box(scene.render(1.0, Samples::Four, n).is_ok());
+                std::hint::black_box(scene.render(1.0, SamplesPerPixel::Four, n).is_ok());
             }));
         }
         if lighting == Lighting::Noon {
@@ -55,7 +55,10 @@ pub fn measure(all_threads: usize, budget: Duration) -> Result<Vec<Drawn>> {
 
 /// What else a readout or a labelled image costs.
 fn beside(scene: &Scene, threads: usize, budget: Duration) -> Result<Vec<Drawn>> {
-    let (a, b) = (scene.render(1.0, Samples::Four, threads)?, scene.render(1.0005, Samples::Four, threads)?);
+    let (a, b) = (
+        scene.render(1.0, SamplesPerPixel::Four, threads)?,
+        scene.render(1.0005, SamplesPerPixel::Four, threads)?,
+    );
     let warp = Warp::new(scene, &a, &b)?;
     let row = |what: &str, threads, run: &mut dyn FnMut() -> bool| {
         Drawn::measured(what.to_owned(), threads, budget, || {
@@ -64,7 +67,7 @@ fn beside(scene: &Scene, threads: usize, budget: Duration) -> Result<Vec<Drawn>>
     };
     Ok(vec![
         row("key frame and labels, noon, 4x4 samples", threads, &mut || {
-            scene.render(1.0, Samples::Sixteen, threads).is_ok()
+            scene.render(1.0, SamplesPerPixel::Sixteen, threads).is_ok()
         }),
         row("readout between key frames", 1, &mut || warp.light(1.0002).is_ok()),
         row("flow to another moment", threads, &mut || scene.flow(&a.labels, &b.labels, threads).is_ok()),

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use crate::formats::{Codec, Layout, Reader, StreamWriter, convert};
-use crate::light::{Frame, Rate, Samples, Source, Timeline};
-use crate::measure::{Accumulator, Options};
+use crate::light::{Frame, OwnedSamples, Rate, Source, Timeline};
+use crate::measure::{Accumulator, MeasureOptions};
 use crate::reconstruct::{tfi, tfp};
 use crate::simulate::{FrameRef, Run, run};
 use crate::spikes::{Geometry, Packed};
@@ -60,7 +60,12 @@ impl Source for Level {
 
 /// Full noise into a fresh mapped file, as `simulate` does it: everything from the plan on
 /// but the final sync, which is a fact of its own.
-pub fn to_file(directory: &Path, threads: usize, readouts: usize, facts: &mut Vec<Fact>) -> Result<Row> {
+pub(crate) fn to_file(
+    directory: &Path,
+    threads: usize,
+    readouts: usize,
+    facts: &mut Vec<Fact>,
+) -> Result<Row> {
     let file = Scratch::new(directory, "write");
     let camera = Noise::Full.camera()?;
     let geometry = camera.sensor.geometry;
@@ -71,7 +76,7 @@ pub fn to_file(directory: &Path, threads: usize, readouts: usize, facts: &mut Ve
         force: true,
         ..Run::new(camera, Seeds::default(), Timeline::still())
     };
-    let mut source = Level(Some(Frame::new(geometry, Samples::U8(light))?), geometry);
+    let mut source = Level(Some(Frame::new(geometry, OwnedSamples::U8(light))?), geometry);
     let begin = Instant::now();
     let done = run(&job, &mut source, &file.0, None, &mut |_, _| Ok(()))?;
     let before_sync = begin.elapsed().saturating_sub(done.synced);
@@ -85,7 +90,7 @@ pub fn to_file(directory: &Path, threads: usize, readouts: usize, facts: &mut Ve
 }
 
 /// Speeds of what follows a simulation, on `readouts` readouts of 400x250 pixels.
-pub fn downstream(directory: &Path, readouts: usize, budget: Duration) -> Result<Vec<Fact>> {
+pub(crate) fn downstream(directory: &Path, readouts: usize, budget: Duration) -> Result<Vec<Fact>> {
     let mut simulator = Simulator::new(&Noise::Full.camera()?, Seeds::default())?;
     let geometry = simulator.plan().geometry();
     let mut stream = vec![0; readouts * geometry.frame_bytes()];
@@ -148,8 +153,13 @@ fn conversion(directory: &Path, path: &Path, geometry: Geometry, readouts: usize
 }
 
 fn counting(packed: Packed<'_>, work: f64, budget: Duration) -> Result<f64> {
-    let options =
-        Options { counts: true, frames: false, halves: false, intervals: false, ..Options::default() };
+    let options = MeasureOptions {
+        counts: true,
+        frames: false,
+        halves: false,
+        intervals: false,
+        ..MeasureOptions::default()
+    };
     let mut result = Ok(());
     let speed = rate(budget, work, || {
         let counted = Accumulator::new(packed.geometry(), &options).and_then(|mut a| {

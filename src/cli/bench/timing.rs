@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 /// Units of work per second: the best of at least three runs within `budget`.
 ///
 /// The best, not the mean: everything that disturbs a run makes it longer.
-pub fn rate(budget: Duration, work: f64, mut run: impl FnMut()) -> f64 {
+pub(crate) fn rate(budget: Duration, work: f64, mut run: impl FnMut()) -> f64 {
     let start = Instant::now();
     let (mut best, mut runs) = (f64::MAX, 0);
     while runs < 3 || start.elapsed() < budget {
@@ -18,7 +18,7 @@ pub fn rate(budget: Duration, work: f64, mut run: impl FnMut()) -> f64 {
 }
 
 /// Bytes per second that one core reads from memory beyond every cache.
-pub fn read_bandwidth(budget: Duration) -> f64 {
+pub(crate) fn read_bandwidth(budget: Duration) -> f64 {
     let words = vec![1u64; 32 << 20];
     let bytes = (words.len() * 8) as f64;
     rate(budget, bytes, || {

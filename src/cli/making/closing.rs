@@ -13,7 +13,7 @@ use crate::cli::shared::output::{Out, bytes_text};
 const SATURATED: f64 = 1.5;
 
 /// A run that is done.
-pub struct Closing<'a> {
+pub(crate) struct Closing<'a> {
     pub job: &'a Run,
     pub light: FrontEnd,
     pub outcome: &'a Outcome,
@@ -24,7 +24,7 @@ pub struct Closing<'a> {
 }
 
 impl Closing<'_> {
-    pub fn tell(&self, out: &Out) -> Result<()> {
+    pub(crate) fn tell(&self, out: &Out) -> Result<()> {
         let (o, names) = (self.outcome, self.names);
         let line = |what: &str, w: &Written, rate: f64| {
             format!("{what}  {}  {}, mean rate {rate:.4}", w.path.display(), bytes_text(w.bytes))

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use crate::dataset::{self, Drives, Estimate, Images, Inputs, Options, Progress, Report, Structure, Work};
+use crate::dataset::{
+    self, DatasetOptions, Drives, Estimate, Images, Inputs, Progress, Report, Structure, Work,
+};
 use crate::formats::Layout;
 use crate::light::{Fit, Insertion, Transfer};
 use crate::report::with_known;
@@ -29,7 +31,7 @@ const PERIOD: Duration = Duration::from_millis(500);
 /// Every sequence gets noise of its own, a noisy and a clean stream, and a record with the digest
 /// of every file. Interrupt it at any time; --resume verifies what is there and makes the rest.
 #[derive(clap::Args, Clone, Debug)]
-pub struct Args {
+pub(crate) struct Args {
     /// Folder that becomes the dataset
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
@@ -152,7 +154,7 @@ pub struct Args {
 ///
 /// # Errors
 /// As [`dataset::make`]; [`Kind::Input`] at the end when sequences were set aside.
-pub fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let options = args.options(out)?;
     let estimate = dataset::estimate(&options)?;
     if let Some(folder) = &args.from {
@@ -251,7 +253,7 @@ impl Watcher {
     }
 }
 
-fn tell(options: &Options, report: &Report, out: &Out) -> Result<()> {
+fn tell(options: &DatasetOptions, report: &Report, out: &Out) -> Result<()> {
     let place = options.output.display();
     let text =
         format!("{place}: {} made, {} verified, {} set aside\n", report.made, report.verified, report.failed);
@@ -286,8 +288,8 @@ fn tell(options: &Options, report: &Report, out: &Out) -> Result<()> {
 }
 
 impl Args {
-    fn options(&self, out: &Out) -> Result<Options> {
-        Ok(Options {
+    fn options(&self, out: &Out) -> Result<DatasetOptions> {
+        Ok(DatasetOptions {
             output: self.output.clone(),
             work: self.work(),
             camera: self.camera.camera()?,

@@ -2,7 +2,7 @@
 
 use crate::dataset::Drive;
 use crate::light::open;
-use crate::light::{Chart, Insertion, Motion, Moving, Objects, Options, Rate, Timeline};
+use crate::light::{Chart, InputOptions, Insertion, Motion, Moving, Objects, Rate, Timeline};
 use crate::scene::{self, KeyPlan, Lighting, Scene, SceneOptions};
 use crate::{Camera, Error, Kind, Result};
 
@@ -35,8 +35,14 @@ impl LightArgs {
         self.insertion.unwrap_or(Insertion::Hold)
     }
 
-    pub(super) fn options(&self, camera: &Camera, moving: Option<Moving>) -> Options {
-        Options { fit: self.fit, transfer: self.transfer, moving, scale: self.scale, ..Options::of(camera) }
+    pub(super) fn options(&self, camera: &Camera, moving: Option<Moving>) -> InputOptions {
+        InputOptions {
+            fit: self.fit,
+            transfer: self.transfer,
+            moving,
+            scale: self.scale,
+            ..InputOptions::of(camera)
+        }
     }
 
     /// Rate and timeline of light that is drawn at any rate.
@@ -91,7 +97,7 @@ impl LightArgs {
         };
         let scene = Scene::random(self.scene_seed.unwrap_or(DEFAULT_SCENE), &options)?;
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        let drive = Drive::new(scene, rate, frames, None, scene::Samples::Four, threads)?;
+        let drive = Drive::new(scene, rate, frames, None, scene::SamplesPerPixel::Four, threads)?;
         let warnings = self.too_fast(drive.plan(), rate, readout).into_iter().collect();
         let source = Box::new(drive);
         Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate), warnings })

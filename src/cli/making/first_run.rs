@@ -17,7 +17,7 @@ const FOLDER: &str = "out";
 /// The names that are tried before giving up.
 const MOST: usize = 1000;
 
-pub fn run(out: &Out) -> Result<()> {
+pub(crate) fn run(out: &Out) -> Result<()> {
     std::fs::create_dir_all(FOLDER).map_err(|e| Error::io(FOLDER, e))?;
     let (stem, again) = stem()?;
     let args = Args { force: again, ..arguments(&stem)? };

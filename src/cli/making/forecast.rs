@@ -14,7 +14,7 @@ use crate::cli::shared::output::{Out, bytes_text};
 const TRIAL_S: f64 = 0.3;
 
 /// Tells what the run would take.
-pub fn forecast(clean: bool, job: &Run, mut light: Light, free: u64, out: &Out) -> Result<()> {
+pub(crate) fn forecast(clean: bool, job: &Run, mut light: Light, free: u64, out: &Out) -> Result<()> {
     let frames = light.source.announced_frames();
     let readouts = job.expected(frames).or(job.readouts);
     let streams = 1 + u64::from(clean);

@@ -7,7 +7,7 @@ use crate::simulate::{ImageFacts, ImageFile, ImageForm};
 use crate::{Error, Kind, Result, storage};
 
 #[derive(clap::Args, Clone, Copy, Debug)]
-pub struct ImageArgs {
+pub(crate) struct ImageArgs {
     /// Also keep the clear light of every N-th readout, as STEM.images/READOUT, counted from 0
     #[arg(hide_short_help = true, long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub images_every: Option<u64>,
@@ -17,7 +17,7 @@ pub struct ImageArgs {
 }
 
 /// The images of a run in the making; removed unless they got their name.
-pub struct Folder {
+pub(crate) struct Folder {
     form: ImageForm,
     place: PathBuf,
     hidden: PathBuf,
@@ -26,7 +26,7 @@ pub struct Folder {
 
 impl Folder {
     /// A hidden folder beside `place`; none when no images are asked for.
-    pub fn begin(args: ImageArgs, place: &Path) -> Result<Option<Self>> {
+    pub(crate) fn begin(args: ImageArgs, place: &Path) -> Result<Option<Self>> {
         let Some(every) = args.images_every else { return Ok(None) };
         let name = place.file_name().unwrap_or_default();
         let mut hidden = std::ffi::OsString::from(".");
@@ -40,7 +40,7 @@ impl Folder {
     }
 
     /// Writes the light of a readout.
-    pub fn keep(&mut self, readout: u64, light: &Frame) -> Result<()> {
+    pub(crate) fn keep(&mut self, readout: u64, light: &Frame) -> Result<()> {
         let file = format!("{readout:06}.{}", self.form.extension());
         let bytes = self.form.encode(&light.to_f32(), light.geometry())?;
         storage::write_small(&self.hidden.join(&file), &bytes, false)?;
@@ -49,7 +49,7 @@ impl Folder {
     }
 
     /// Gives the folder its name, in place of one that is there.
-    pub fn finish(mut self) -> Result<ImageFacts> {
+    pub(crate) fn finish(mut self) -> Result<ImageFacts> {
         remove(&self.place)?;
         std::fs::rename(&self.hidden, &self.place).map_err(|e| Error::io(self.place.display(), e))?;
         Ok(std::mem::replace(&mut self.facts, self.form.facts(1)))
@@ -64,7 +64,7 @@ impl Drop for Folder {
 }
 
 /// Refuses a folder in place of which images may not come: one that holds anything else.
-pub fn check(folder: &Path) -> Result<()> {
+pub(crate) fn check(folder: &Path) -> Result<()> {
     let Ok(entries) = std::fs::read_dir(folder) else { return Ok(()) };
     for entry in entries {
         let path = entry.map_err(|e| Error::io(folder.display(), e))?.path();
@@ -80,7 +80,7 @@ pub fn check(folder: &Path) -> Result<()> {
 }
 
 /// Removes a folder of images, if it is there.
-pub fn remove(folder: &Path) -> Result<()> {
+pub(crate) fn remove(folder: &Path) -> Result<()> {
     check(folder)?;
     match std::fs::remove_dir_all(folder) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(folder.display(), e)),

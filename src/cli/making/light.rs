@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use crate::light::open;
-use crate::light::{Fit, Insertion, Options, Pace, READOUTS_PER_FRAME, Rate, Source, Timeline, Transfer};
+use crate::light::{
+    Fit, InputOptions, Insertion, Pace, READOUTS_PER_FRAME, Rate, Source, Timeline, Transfer,
+};
 use crate::scene::Lighting;
 use crate::simulate::LightFacts;
 use crate::{Camera, Error, Kind, Result};
@@ -14,7 +16,7 @@ use crate::cli::shared::camera::exact_rate;
 
 /// Light that needs no input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum BuiltIn {
+pub(crate) enum BuiltIn {
     /// A random driving scene.
     Drive,
     /// The moving test chart.
@@ -24,7 +26,7 @@ pub enum BuiltIn {
 }
 
 #[derive(clap::Args, Clone, Debug, Default)]
-pub struct LightArgs {
+pub(crate) struct LightArgs {
     /// Folder of images, image, video, .npy, .npz, .y4m, or - for y4m or npy on standard input;
     /// a driving scene if left out
     pub input: Option<PathBuf>,
@@ -90,7 +92,7 @@ pub struct LightArgs {
 }
 
 /// Light that is ready to run.
-pub struct Light {
+pub(crate) struct Light {
     pub source: Box<dyn Source>,
     pub timeline: Timeline,
     pub readouts: Option<u64>,
@@ -101,7 +103,7 @@ pub struct Light {
 
 impl LightArgs {
     /// What a run of this light is called where the user names a folder only.
-    pub fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         let built_in = match self.source {
             Some(BuiltIn::Chart) => "chart",
             Some(BuiltIn::Objects) => "objects",
@@ -113,7 +115,7 @@ impl LightArgs {
     }
 
     /// `camera` with the size of the input's frames, if that was asked for.
-    pub fn sized(&self, mut camera: Camera) -> Result<Camera> {
+    pub(crate) fn sized(&self, mut camera: Camera) -> Result<Camera> {
         let Some(path) = self.input.as_ref().filter(|_| self.size.is_some()) else { return Ok(camera) };
         let no_size = |found: &str| {
             Error::new(Kind::Usage, "--size input")
@@ -124,13 +126,13 @@ impl LightArgs {
         if path.as_os_str() == "-" {
             return Err(no_size("standard input, which can be read only once"));
         }
-        let options = Options { fit: Fit::Resize, ..self.options(&camera, None) };
+        let options = InputOptions { fit: Fit::Resize, ..self.options(&camera, None) };
         let source = open(path, &options)?;
         camera.sensor.geometry = source.stored().ok_or_else(|| no_size("light without a size of its own"))?;
         Ok(camera)
     }
 
-    pub fn open(&self, camera: &Camera) -> Result<Light> {
+    pub(crate) fn open(&self, camera: &Camera) -> Result<Light> {
         let readout = exact_rate(camera.sensor.readout_hz)?;
         if self.input.is_none() {
             return match self.source {
@@ -192,7 +194,7 @@ impl LightArgs {
 
 impl Light {
     /// For the sidecar; what only the run can tell is filled in afterwards.
-    pub fn facts(&self, args: &LightArgs, camera: &Camera) -> LightFacts {
+    pub(crate) fn facts(&self, args: &LightArgs, camera: &Camera) -> LightFacts {
         let per_frame = (self.timeline != Timeline::still()).then(|| self.per_frame(args, camera));
         LightFacts {
             fit: args.fit.to_string(),

@@ -16,8 +16,8 @@ use crate::{Backend, Camera, Error, Kind, Result, Seeds};
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
 
-use crate::cli::shared::camera::CameraArgs;
 use super::light::{BuiltIn, LightArgs};
+use crate::cli::shared::camera::CameraArgs;
 use crate::cli::shared::output::Out;
 use crate::cli::shared::progress::{Progress, stop_flag};
 use crate::cli::shared::seeds::SeedArgs;
@@ -38,7 +38,7 @@ const LOOK: Duration = Duration::from_millis(20);
 /// without hardware. A still picture, the chart and objects have no end; Ctrl-C ends them well. At the end it says how late
 /// readouts were.
 #[derive(clap::Args, Clone, Debug)]
-pub struct Args {
+pub(crate) struct Args {
     #[command(flatten)]
     pub light: LightArgs,
     /// Where readouts go: pipe (standard output), pipe:PATH (a FIFO), shm:NAME (a ring in shared memory), or
@@ -77,7 +77,7 @@ pub struct Args {
 
 /// A sink by name.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Where {
+pub(crate) enum Where {
     Stdout,
     Fifo(PathBuf),
     Shm(String),
@@ -111,7 +111,7 @@ impl std::fmt::Display for Where {
     }
 }
 
-pub fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     if out.json() && args.sink == Where::Stdout {
         return Err(Error::new(Kind::Usage, "--json")
             .found("--sink pipe, whose readouts go to standard output too")

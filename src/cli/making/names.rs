@@ -6,7 +6,7 @@ use crate::cli::shared::stem::Stem;
 use crate::{Error, Kind, Result};
 
 /// The names that come out of a stem.
-pub struct Names {
+pub(crate) struct Names {
     pub noisy: PathBuf,
     pub clean: PathBuf,
     pub sidecar: PathBuf,
@@ -16,7 +16,7 @@ pub struct Names {
 }
 
 impl Names {
-    pub fn new(stem: &Stem) -> Self {
+    pub(crate) fn new(stem: &Stem) -> Self {
         let name = |ending: &str| stem.with(ending);
         let data = stem.layout.default_extension();
         Self {
@@ -30,12 +30,12 @@ impl Names {
     }
 
     /// The files of a run with or without a clean twin.
-    pub fn files(&self, clean: bool) -> Vec<&Path> {
+    pub(crate) fn files(&self, clean: bool) -> Vec<&Path> {
         let all = [(&self.noisy, true), (&self.clean, clean), (&self.sidecar, true), (&self.picture, true)];
         all.into_iter().filter(|(_, wanted)| *wanted).map(|(path, _)| path.as_path()).collect()
     }
 
-    pub fn refuse_existing(&self, clean: bool, images: bool) -> Result<()> {
+    pub(crate) fn refuse_existing(&self, clean: bool, images: bool) -> Result<()> {
         let images = images.then_some(self.images.as_path());
         let taken = self.files(clean).into_iter().chain(images).find(|path| path.symlink_metadata().is_ok());
         match taken {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::scene::{Lighting, Rendered, Samples, Scene, SceneOptions, labels};
+use crate::scene::{Lighting, Rendered, SamplesPerPixel, Scene, SceneOptions, labels};
 use crate::{Error, Kind, Result, storage};
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
@@ -18,7 +18,7 @@ use crate::cli::shared::video::{Pictures, Video};
 /// Writes NNNN.light.png, .depth.png, .flow.png, .semantic.png, .instance.png,
 /// .boxes.png, .boxes.json (COCO) and .boxes.txt (KITTI) for every frame.
 #[derive(clap::Args, Clone, Debug)]
-pub struct Args {
+pub(crate) struct Args {
     /// Folder to write to; made if missing
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
@@ -56,7 +56,7 @@ pub struct Args {
 ///
 /// # Errors
 /// When the scene is impossible, a file exists, or ffmpeg is missing.
-pub fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     if !(args.rate.is_finite() && args.rate > 0.0) {
         return Err(Error::new(Kind::Usage, "frame rate").found(args.rate).expected("a positive number"));
     }
@@ -76,7 +76,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     } else {
         None
     };
-    let samples = if args.samples == "16" { Samples::Sixteen } else { Samples::Four };
+    let samples = if args.samples == "16" { SamplesPerPixel::Sixteen } else { SamplesPerPixel::Four };
     let mut progress = Progress::of(out, stop_flag()?, "frames");
     for i in 0..args.frames {
         progress.step(i.into(), Some(args.frames.into()))?;

@@ -32,7 +32,7 @@ use crate::cli::shared::threads::ThreadArgs;
 /// Writes STEM.dat (the stream), STEM.json (how it was made, and its digest) and STEM.png (a first
 /// look); with --clean also STEM.clean.dat, the noise-free twin from the same start phase.
 #[derive(clap::Args, Clone, Debug)]
-pub struct Args {
+pub(crate) struct Args {
     #[command(flatten)]
     pub light: LightArgs,
     /// Where to write: STEM.dat, STEM.json, STEM.png; a folder (out/) or the stream's own name (run.dat) will do
@@ -67,7 +67,7 @@ pub struct Args {
     pub force: bool,
 }
 
-pub fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let to = args.to.as_deref().map(Layout::parse).transpose()?;
     let stem = Stem::new(&args.output, to, &args.light.name())?;
     let (layout, names) = (stem.layout, Names::new(&stem));

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::Args as ClapArgs;
 
 use crate::calibrate::{
-    Calibration, Files as Written, Options, RecordingSet, SneeOptions, calibrate, import_maps, observe, snee,
-    write,
+    CalibrateOptions, Calibration, Files as Written, RecordingSet, SneeOptions, calibrate, import_maps,
+    observe, snee, write,
 };
 use crate::error::{Error, Kind, Result};
 use crate::measure::Estimate;
@@ -19,7 +19,7 @@ use crate::cli::shared::stream::warn_of_set;
 
 /// Fit a camera to recordings of known light.
 #[derive(Debug, ClapArgs)]
-pub struct Args {
+pub(crate) struct Args {
     /// The recording set (TOML), or published calibration maps D_light, Nd and Nl (.npz)
     recordings: PathBuf,
     /// Folder for camera.toml with its maps, calibration.json and report.html.
@@ -49,7 +49,7 @@ pub struct Args {
 ///
 /// # Errors
 /// When the set is bad, or a file cannot be written.
-pub fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     refuse_streams(&args.recordings)?;
     refuse_existing(&args.output, &["camera.toml", "calibration.json", "report.html"], args.force)?;
     let set = if args.recordings.extension().is_some_and(|e| e == "npz") {
@@ -71,11 +71,11 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     let mut progress = Files::new(out);
     let observed = observe(&set, &mut |name, share| progress.step(name, share))?;
     drop(progress);
-    let options = Options {
+    let options = CalibrateOptions {
         lost_increment: args.dead_time,
         light_uncertainty: args.light_uncertainty,
         precision: args.precision,
-        ..Options::default()
+        ..CalibrateOptions::default()
     };
     let mut calibration = calibrate(&observed, &options)?;
     if args.snee {

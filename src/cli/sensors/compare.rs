@@ -23,7 +23,7 @@ use crate::cli::shared::stream::{StreamArgs, warn_of_set};
 
 /// Compare presets or camera files with a recording set (.toml) or one static recording.
 #[derive(Debug, ClapArgs)]
-pub struct Args {
+pub(crate) struct Args {
     /// A recording set, or a stream.
     measured: PathBuf,
     /// The same as --camera
@@ -65,7 +65,7 @@ pub struct Args {
 ///
 /// # Errors
 /// When an input is bad, or a file cannot be written.
-pub fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     refuse_existing(&args.output, &["comparison.json", "comparison.html", "features.csv"], args.force)?;
     let given = args.named.iter().chain(&args.camera).map(String::as_str);
     let names: Vec<&str> = if given.clone().next().is_none() { MODELS.to_vec() } else { given.collect() };

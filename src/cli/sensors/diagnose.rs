@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use crate::calibrate::RecordingSet;
 use crate::diagnose::{
-    Diagnosis, Extent, Options, Part, Reference, Setup, Verdict, diagnose, page, published,
+    DiagnoseOptions, Diagnosis, Extent, Part, Reference, Setup, Verdict, diagnose, page, published,
 };
 use crate::error::{Error, Kind, Result};
 use crate::presets;
@@ -20,7 +20,7 @@ use crate::cli::shared::stream::warn_of_set;
 
 /// Find what the model of a camera lacks, name it, and add it.
 #[derive(Debug, ClapArgs)]
-pub struct Args {
+pub(crate) struct Args {
     /// The recording set (TOML).
     recordings: PathBuf,
     /// The model to start from, a preset or camera file; without one the published model is calibrated.
@@ -51,7 +51,7 @@ pub struct Args {
 ///
 /// # Errors
 /// When a set is bad, or a file cannot be written.
-pub fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     if !args.nameable {
         refuse_existing(&args.output, &["diagnosis.json", "report.html", "camera.toml"], args.force)?;
     }
@@ -80,7 +80,8 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         }
         return out.result(&json!({"event": "done", "nameable": rows}), &text);
     }
-    let options = Options { camera: camera.as_ref(), seed: args.seed, extent, ..Options::default() };
+    let options =
+        DiagnoseOptions { camera: camera.as_ref(), seed: args.seed, extent, ..DiagnoseOptions::default() };
     let found = diagnose(&set, holdout.as_ref(), options, &mut progress)?;
     drop(bar);
     let mut result = write(&found, args)?;

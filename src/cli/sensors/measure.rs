@@ -19,7 +19,7 @@ use crate::cli::shared::stream::StreamArgs;
 /// Each value has two errors: what another recording of this sensor would differ by, and what another
 /// sensor of this kind would. Twice an error covers 95 in 100.
 #[derive(Debug, ClapArgs)]
-pub struct Args {
+pub(crate) struct Args {
     /// The stream.
     file: PathBuf,
     #[command(flatten)]
@@ -36,7 +36,7 @@ pub struct Args {
 ///
 /// # Errors
 /// When the stream cannot be read, or the report not be written.
-pub fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let reader = args.stream.open(&args.file, out)?;
     let mut progress = Files::new(out);
     let (name, all) = (reader.name().to_string(), reader.readouts().max(1) as f64);

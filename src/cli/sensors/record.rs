@@ -29,7 +29,7 @@ enum Kind {
 
 /// Simulate all recordings of a calibration protocol, or plan their length.
 #[derive(Debug, ClapArgs)]
-pub struct Args {
+pub(crate) struct Args {
     /// The same as --camera
     #[arg(value_name = "CAMERA", conflicts_with = "camera")]
     named: Option<String>,
@@ -62,7 +62,7 @@ pub struct Args {
 ///
 /// # Errors
 /// When the camera is unknown, or a file cannot be written.
-pub fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     if let Some(folder) = &args.template {
         return of_own_recordings(folder, args, out);
     }

@@ -27,7 +27,12 @@ struct Found {
 ///
 /// # Errors
 /// [`Kind::Input`] when the folder holds no stream or streams of different sizes; those of reading and writing.
-pub fn write(folder: &Path, size: Option<Geometry>, readout_hz: Option<f64>, force: bool) -> Result<PathBuf> {
+pub(crate) fn write(
+    folder: &Path,
+    size: Option<Geometry>,
+    readout_hz: Option<f64>,
+    force: bool,
+) -> Result<PathBuf> {
     let mut found = streams(folder)?.iter().map(|path| look(path, size)).collect::<Result<Vec<_>>>()?;
     // Darkest first, as a person lists them.
     found.sort_by(|a, b| a.rate.total_cmp(&b.rate));

@@ -4,7 +4,7 @@ use crate::light::Rate;
 use crate::{Camera, Error, Geometry, Kind, Result, effects, presets};
 
 #[derive(clap::Args, Clone, Debug)]
-pub struct CameraArgs {
+pub(crate) struct CameraArgs {
     /// Camera: the name of a preset ('spikelane preset list'), or a camera file (.toml)
     #[arg(long, value_name = "NAME|FILE", default_value = "physical", help_heading = "Camera")]
     pub camera: String,
@@ -13,7 +13,7 @@ pub struct CameraArgs {
 }
 
 #[derive(clap::Args, Clone, Debug, Default)]
-pub struct Changes {
+pub(crate) struct Changes {
     /// Size and readout rate of a known camera: 400x250-20k, 400x250-40k, 1000x1000-20k
     #[arg(hide_short_help = true, long, value_name = "NAME", help_heading = "Camera")]
     pub camera_format: Option<String>,
@@ -40,24 +40,24 @@ pub struct Changes {
 
 impl CameraArgs {
     /// The camera that was named without a flag, or else with it.
-    pub fn named(&self, name: Option<&str>) -> Result<Camera> {
+    pub(crate) fn named(&self, name: Option<&str>) -> Result<Camera> {
         self.changes.apply(presets::load(name.unwrap_or(&self.camera))?)
     }
 
-    pub fn camera(&self) -> Result<Camera> {
+    pub(crate) fn camera(&self) -> Result<Camera> {
         self.changes.apply(presets::load(&self.camera)?)
     }
 }
 
 impl Changes {
     /// Whether nothing is changed.
-    pub fn are_none(&self) -> bool {
+    pub(crate) fn are_none(&self) -> bool {
         let sized = self.camera_format.is_some() || self.width.is_some() || self.height.is_some();
         let timed = self.readout_hz.is_some() || self.exposure.is_some();
         !sized && !timed && self.effect.is_empty() && self.without.is_empty()
     }
 
-    pub fn apply(&self, mut camera: Camera) -> Result<Camera> {
+    pub(crate) fn apply(&self, mut camera: Camera) -> Result<Camera> {
         let sensor = &mut camera.sensor;
         let (mut width, mut height) = (sensor.geometry.width() as u32, sensor.geometry.height() as u32);
         if let Some(name) = &self.camera_format {
@@ -108,7 +108,7 @@ fn set_effect(camera: Camera, text: &str) -> Result<Camera> {
 }
 
 /// A rate that was stored as a float, as the exact fraction that timelines need.
-pub fn exact_rate(hz: f64) -> Result<Rate> {
+pub(crate) fn exact_rate(hz: f64) -> Result<Rate> {
     format!("{hz}").parse::<Rate>().map_err(|_| {
         Error::new(Kind::Config, "readout rate")
             .found(format_args!("{hz} Hz"))

@@ -9,49 +9,49 @@ use serde_json::{Value, json};
 
 /// The two channels.
 #[derive(Clone, Copy, Debug)]
-pub struct Out {
+pub(crate) struct Out {
     json: bool,
     verbose: bool,
 }
 
 impl Out {
-    pub const fn new(json: bool, verbose: bool) -> Self {
+    pub(crate) const fn new(json: bool, verbose: bool) -> Self {
         Self { json, verbose }
     }
 
-    pub const fn json(&self) -> bool {
+    pub(crate) const fn json(&self) -> bool {
         self.json
     }
 
     /// One line of JSON, if asked for.
-    pub fn event(&self, value: &Value) -> Result<()> {
+    pub(crate) fn event(&self, value: &Value) -> Result<()> {
         if self.json { write_out(format!("{value}\n").as_bytes()) } else { Ok(()) }
     }
 
     /// A result: the JSON line if asked for, else text to standard output.
-    pub fn result(&self, value: &Value, text: &str) -> Result<()> {
+    pub(crate) fn result(&self, value: &Value, text: &str) -> Result<()> {
         if self.json { self.event(value) } else { write_out(text.as_bytes()) }
     }
 
     /// A file's bytes as the result, whatever was asked for.
-    pub fn bytes(&self, bytes: &[u8]) -> Result<()> {
+    pub(crate) fn bytes(&self, bytes: &[u8]) -> Result<()> {
         write_out(bytes)
     }
 
     /// Text for people, to standard error.
-    pub fn say(&self, text: impl std::fmt::Display) {
+    pub(crate) fn say(&self, text: impl std::fmt::Display) {
         // Nobody is left to hear that standard error is closed.
         let _ = writeln!(std::io::stderr(), "{text}");
     }
 
     /// Text for people who asked for more (`-v`), to standard error.
-    pub fn detail(&self, text: impl std::fmt::Display) {
+    pub(crate) fn detail(&self, text: impl std::fmt::Display) {
         if self.verbose {
             self.say(text);
         }
     }
 
-    pub fn error(&self, error: &Error) {
+    pub(crate) fn error(&self, error: &Error) {
         self.say(format_args!("spikelane: {error}"));
         let kind = error.kind().name();
         let code = error.kind().exit_code();
@@ -70,7 +70,7 @@ fn write_out(bytes: &[u8]) -> Result<()> {
 }
 
 /// Bytes with a decimal prefix.
-pub fn bytes_text(bytes: u64) -> String {
+pub(crate) fn bytes_text(bytes: u64) -> String {
     let units = ["bytes", "kB", "MB", "GB", "TB", "PB"];
     let (mut value, mut unit) = (bytes as f64, 0);
     while value >= 999.5 && unit + 1 < units.len() {
@@ -84,13 +84,13 @@ pub fn bytes_text(bytes: u64) -> String {
 static COMMAND: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
 /// Keeps the command line for [`command_line`].
-pub fn remember_command(args: &[OsString]) {
+pub(crate) fn remember_command(args: &[OsString]) {
     if let Ok(mut command) = COMMAND.lock() {
         *command = args.iter().map(|a| a.to_string_lossy().into_owned()).collect();
     }
 }
 
 /// The command line as it was given, for the sidecar.
-pub fn command_line() -> Vec<String> {
+pub(crate) fn command_line() -> Vec<String> {
     COMMAND.lock().map(|command| command.clone()).unwrap_or_default()
 }

@@ -26,7 +26,7 @@ const GROUND: u8 = 24;
 const LETTERS: u8 = 220;
 
 /// Linear values as 8-bit sRGB, `white` and above being white.
-pub fn grey(values: &[f32], white: f32, geometry: Geometry) -> GrayImage {
+pub(crate) fn grey(values: &[f32], white: f32, geometry: Geometry) -> GrayImage {
     let level = |v: f32| (srgb_code(v / white) * 255.0 + 0.5) as u8;
     from_levels(values.iter().map(|&v| level(v)), geometry)
 }
@@ -38,21 +38,21 @@ fn from_levels(levels: impl Iterator<Item = u8>, geometry: Geometry) -> GrayImag
 }
 
 /// The value that only one pixel in 500 exceeds: a white that one hot pixel cannot move.
-pub fn bright(values: &[f32]) -> f32 {
+pub(crate) fn bright(values: &[f32]) -> f32 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f32::total_cmp);
     let value = sorted.get(sorted.len() - 1 - sorted.len() / 500).copied().unwrap_or(0.0);
     if value > 0.0 { value } else { 1.0 }
 }
 
-pub fn png(image: &GrayImage) -> Result<Vec<u8>> {
+pub(crate) fn png(image: &GrayImage) -> Result<Vec<u8>> {
     let mut bytes = Cursor::new(Vec::new());
     image.write_to(&mut bytes, ImageFormat::Png).map_err(|e| Error::new(Kind::Io, "PNG").found(e))?;
     Ok(bytes.into_inner())
 }
 
 /// Packed frames around a readout, and the place of that readout among them.
-pub fn around(reader: &Reader, at: usize, half: usize) -> Result<(Vec<u8>, usize)> {
+pub(crate) fn around(reader: &Reader, at: usize, half: usize) -> Result<(Vec<u8>, usize)> {
     let first = at.saturating_sub(half);
     let end = at.saturating_add(half).saturating_add(1).min(reader.readouts());
     if at >= reader.readouts() {
@@ -75,7 +75,7 @@ fn window(reader: &Reader, at: usize) -> Result<Vec<f32>> {
 /// Panels: the light, one readout of spikes, TFP of the noisy stream, and TFP of the clean one; where there is none,
 /// TFI of the noisy one, unless the stream is too short for it. `full` is the rate of full-scale light. White
 /// is what one pixel in 500 of the light exceeds, the same for all, so that dark scenes show too.
-pub fn sheet(glance: &Glance, noisy: &Reader, clean: Option<&Reader>, full: f32) -> Result<Vec<u8>> {
+pub(crate) fn sheet(glance: &Glance, noisy: &Reader, clean: Option<&Reader>, full: f32) -> Result<Vec<u8>> {
     let geometry = noisy.geometry();
     let at = (glance.readout as usize).min(noisy.readouts() - 1);
     let light = glance.frame.to_f32();

@@ -15,10 +15,10 @@ use super::output::Out;
 const PERIOD: Duration = Duration::from_millis(200);
 
 /// Raised when the user wants to stop.
-pub type Stop = Arc<AtomicBool>;
+pub(crate) type Stop = Arc<AtomicBool>;
 
 /// A flag that Ctrl-C (or a polite kill) raises, so that unfinished files are removed in order.
-pub fn stop_flag() -> Result<Stop> {
+pub(crate) fn stop_flag() -> Result<Stop> {
     // One handler a process, and one flag, which a second command of a host lowers again.
     static STOP: OnceLock<Stop> = OnceLock::new();
     if let Some(stop) = STOP.get() {
@@ -33,7 +33,7 @@ pub fn stop_flag() -> Result<Stop> {
 }
 
 /// A bar on a terminal, events when asked for JSON.
-pub struct Progress {
+pub(crate) struct Progress {
     out: Out,
     bar: Option<ProgressBar>,
     stop: Stop,
@@ -44,12 +44,12 @@ pub struct Progress {
 
 impl Progress {
     /// Counts readouts.
-    pub fn new(out: &Out, stop: Stop) -> Self {
+    pub(crate) fn new(out: &Out, stop: Stop) -> Self {
         Self::of(out, stop, "readouts")
     }
 
     /// Counts `unit`, a plural.
-    pub fn of(out: &Out, stop: Stop, unit: &'static str) -> Self {
+    pub(crate) fn of(out: &Out, stop: Stop, unit: &'static str) -> Self {
         let now = Instant::now();
         Self { out: *out, bar: None, stop, start: now, said: now, unit }
     }
@@ -58,7 +58,7 @@ impl Progress {
     ///
     /// # Errors
     /// [`Kind::Interrupted`] once the flag is up.
-    pub fn step(&mut self, done: u64, total: Option<u64>) -> Result<()> {
+    pub(crate) fn step(&mut self, done: u64, total: Option<u64>) -> Result<()> {
         if self.stop.load(Ordering::Relaxed) {
             return Err(interrupted());
         }
@@ -81,7 +81,7 @@ impl Progress {
     }
 
     /// What went wrong, unless it went wrong because of the request to stop.
-    pub fn cause(&self, error: Error) -> Error {
+    pub(crate) fn cause(&self, error: Error) -> Error {
         if self.stop.load(Ordering::Relaxed) { interrupted() } else { error }
     }
 }
@@ -95,21 +95,21 @@ impl Drop for Progress {
 }
 
 /// How far a list of files is: a bar on a terminal, events when asked for JSON.
-pub struct Files {
+pub(crate) struct Files {
     out: Out,
     bar: ProgressBar,
     said: Instant,
 }
 
 impl Files {
-    pub fn new(out: &Out) -> Self {
+    pub(crate) fn new(out: &Out) -> Self {
         let style = ProgressStyle::with_template("{wide_bar} {percent} %, {eta} left, {msg}");
         let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
         Self { out: *out, bar: ProgressBar::new(1000).with_style(style), said: Instant::now() }
     }
 
     /// Now at `file`, with `share` of all work done, 0 to 1.
-    pub fn step(&mut self, file: &str, share: f64) {
+    pub(crate) fn step(&mut self, file: &str, share: f64) {
         if self.bar.message() != file {
             self.bar.set_message(file.to_owned());
         }

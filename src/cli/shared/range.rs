@@ -8,13 +8,13 @@ use crate::{Error, Kind};
 
 /// Readouts `A..B`, `A..` or `..B`; B is not in it.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Readouts {
+pub(crate) struct Readouts {
     first: usize,
     end: Option<usize>,
 }
 
 impl Readouts {
-    pub fn of(self, readouts: usize) -> Range<usize> {
+    pub(crate) fn of(self, readouts: usize) -> Range<usize> {
         self.first..self.end.unwrap_or(readouts)
     }
 }
@@ -41,7 +41,7 @@ impl FromStr for Readouts {
 
 /// A rectangle `x,y,width,height` in pixels.
 #[derive(Clone, Copy, Debug)]
-pub struct Rectangle(pub Crop);
+pub(crate) struct Rectangle(pub Crop);
 
 impl FromStr for Rectangle {
     type Err = Error;

@@ -12,7 +12,7 @@ const OTHERS: [&str; 12] =
 
 /// The beginning of all names of a run, and the layout of its streams.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Stem {
+pub(crate) struct Stem {
     pub path: PathBuf,
     pub layout: Layout,
 }
@@ -24,7 +24,7 @@ impl Stem {
     /// # Errors
     /// [`Kind::Usage`] when the ending and the layout `to` contradict each other, or nothing of the kind
     /// can be written.
-    pub fn new(output: &Path, to: Option<Layout>, name: &str) -> Result<Self> {
+    pub(crate) fn new(output: &Path, to: Option<Layout>, name: &str) -> Result<Self> {
         if is_folder(output) {
             return Ok(Self { path: output.join(name), layout: to.unwrap_or_default() });
         }
@@ -49,7 +49,7 @@ impl Stem {
     }
 
     /// The path with `ending` behind it; a stem may hold dots of its own.
-    pub fn with(&self, ending: &str) -> PathBuf {
+    pub(crate) fn with(&self, ending: &str) -> PathBuf {
         let mut whole: OsString = self.path.as_os_str().to_os_string();
         whole.push(ending);
         PathBuf::from(whole)

@@ -11,7 +11,7 @@ use clap::builder::PossibleValuesParser;
 use super::output::Out;
 
 #[derive(clap::Args, Clone, Debug)]
-pub struct StreamArgs {
+pub(crate) struct StreamArgs {
     /// Width in pixels [default: from the sidecar or the file's header]
     #[arg(long, value_name = "PIXELS")]
     pub width: Option<u32>,
@@ -35,7 +35,7 @@ pub struct StreamArgs {
 ///
 /// # Errors
 /// [`Kind::Usage`], about `subject`, for one side alone.
-pub fn size(
+pub(crate) fn size(
     subject: impl std::fmt::Display,
     width: Option<u32>,
     height: Option<u32>,
@@ -50,7 +50,7 @@ pub fn size(
 }
 
 /// Spikes in a range of readouts, each of which is read.
-pub fn spikes_in(reader: &Reader, readouts: Range<usize>) -> Result<u64> {
+pub(crate) fn spikes_in(reader: &Reader, readouts: Range<usize>) -> Result<u64> {
     let (mut frames, mut count) = (reader.frames(readouts)?, 0);
     while let Some(frame) = frames.next_frame() {
         count += spikes::count(frame?);
@@ -60,12 +60,12 @@ pub fn spikes_in(reader: &Reader, readouts: Range<usize>) -> Result<u64> {
 
 impl StreamArgs {
     /// Opens the stream, and says what its user should know of it.
-    pub fn open(&self, path: &Path, out: &Out) -> Result<Reader> {
+    pub(crate) fn open(&self, path: &Path, out: &Out) -> Result<Reader> {
         self.open_compared(path, out).map(|(reader, _)| reader)
     }
 
     /// As [`open`](Self::open), with the readings that were compared.
-    pub fn open_compared(&self, path: &Path, out: &Out) -> Result<(Reader, Readings)> {
+    pub(crate) fn open_compared(&self, path: &Path, out: &Out) -> Result<(Reader, Readings)> {
         let geometry = size(path.display(), self.width, self.height)?;
         let layout = self.layout.as_deref().map(Layout::parse).transpose()?;
         let reader = Opening { layout, geometry, key: self.key.clone(), lost: self.lost }.open(path)?;
@@ -86,7 +86,7 @@ fn warn(reader: &Reader, readings: &Readings, out: &Out) {
 }
 
 /// Says what is wrong with the streams of a set.
-pub fn warn_of_set(set: &RecordingSet, out: &Out) -> Result<()> {
+pub(crate) fn warn_of_set(set: &RecordingSet, out: &Out) -> Result<()> {
     for recording in &set.recordings {
         let reader = set.reader(recording)?;
         warn(&reader, &reader.readings(), out);
@@ -95,6 +95,6 @@ pub fn warn_of_set(set: &RecordingSet, out: &Out) -> Result<()> {
 }
 
 /// The name of a file without its folders.
-pub fn file_name(path: &Path) -> String {
+pub(crate) fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }

@@ -8,7 +8,7 @@ use crate::{Error, Geometry, Kind, Result};
 
 /// What is pushed, picture by picture.
 #[derive(Clone, Copy, Debug)]
-pub enum Pictures {
+pub(crate) enum Pictures {
     /// 8-bit grey levels, row-major.
     Grey(Geometry),
     /// Whole PNG files.
@@ -16,7 +16,7 @@ pub enum Pictures {
 }
 
 /// A running ffmpeg that writes under a hidden name until all pictures are in.
-pub struct Video {
+pub(crate) struct Video {
     child: Child,
     pictures: Option<ChildStdin>,
     hidden: PathBuf,
@@ -25,7 +25,7 @@ pub struct Video {
 
 impl Video {
     /// Starts ffmpeg; `fps` pictures a second.
-    pub fn start(path: &Path, pictures: Pictures, fps: f64, force: bool) -> Result<Self> {
+    pub(crate) fn start(path: &Path, pictures: Pictures, fps: f64, force: bool) -> Result<Self> {
         if !force && path.symlink_metadata().is_ok() {
             return Err(Error::new(Kind::Exists, path.display())
                 .found("a file of that name")
@@ -60,7 +60,7 @@ impl Video {
     }
 
     /// Hands over the next picture.
-    pub fn push(&mut self, picture: &[u8]) -> Result<()> {
+    pub(crate) fn push(&mut self, picture: &[u8]) -> Result<()> {
         match self.pictures.as_mut().map(|pipe| pipe.write_all(picture)) {
             Some(Err(e)) => Err(self.failed(e)),
             _ => Ok(()),
@@ -68,7 +68,7 @@ impl Video {
     }
 
     /// Waits for ffmpeg and gives the file its name.
-    pub fn finish(mut self) -> Result<()> {
+    pub(crate) fn finish(mut self) -> Result<()> {
         drop(self.pictures.take());
         let status = self.child.wait().map_err(|e| Error::io("waiting for ffmpeg", e))?;
         if !status.success() {

@@ -1,11 +1,11 @@
 //! `spikelane convert`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use crate::formats::{EVENTS, Finished, Layout, StreamWriter, convert, write_events};
+use crate::formats::{EVENTS, Finished, Layout, Reader, StreamWriter, convert, write_events};
 use crate::report::with_known;
 use crate::simulate::{Sidecar, StreamFacts, Written};
-use crate::{Error, Kind, Result};
+use crate::{Error, Geometry, Kind, Result};
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
 
@@ -18,7 +18,7 @@ use crate::cli::shared::stream::{StreamArgs, file_name, spikes_in};
 ///
 /// Writes OUT and its sidecar OUT.json.
 #[derive(clap::Args, Debug)]
-pub struct Args {
+pub(crate) struct Args {
     /// Stream file to read
     input: PathBuf,
     /// Stream file to write
@@ -51,6 +51,23 @@ impl Args {
         Layout::for_name(&self.output, Some(Layout::NpyBytes)).map(|_| Form::Events)
     }
 
+    /// Refuses an output that is the input, and a sidecar that is there.
+    fn refuse(&self, sidecar: &Path) -> Result<()> {
+        let same = |a: &PathBuf| std::fs::canonicalize(a).ok();
+        if same(&self.input).is_some() && same(&self.input) == same(&self.output) {
+            return Err(Error::new(Kind::Usage, self.output.display())
+                .found("the input itself")
+                .expected("another file to write"));
+        }
+        if !self.force && sidecar.symlink_metadata().is_ok() {
+            return Err(Error::new(Kind::Exists, sidecar.display())
+                .found("a file of that name")
+                .expected("a free name for the sidecar")
+                .remedy("choose another output, or allow overwriting with --force"));
+        }
+        Ok(())
+    }
+
     fn sidecar(&self) -> PathBuf {
         let mut name = self.output.as_os_str().to_os_string();
         name.push(".json");
@@ -74,20 +91,9 @@ impl Form {
     }
 }
 
-pub fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let (form, sidecar) = (args.form()?, args.sidecar());
-    let same = |a: &PathBuf| std::fs::canonicalize(a).ok();
-    if same(&args.input).is_some() && same(&args.input) == same(&args.output) {
-        return Err(Error::new(Kind::Usage, args.output.display())
-            .found("the input itself")
-            .expected("another file to write"));
-    }
-    if !args.force && sidecar.symlink_metadata().is_ok() {
-        return Err(Error::new(Kind::Exists, sidecar.display())
-            .found("a file of that name")
-            .expected("a free name for the sidecar")
-            .remedy("choose another output, or allow overwriting with --force"));
-    }
+    args.refuse(&sidecar)?;
     let reader = args.stream.open(&args.input, out)?;
     let original = Sidecar::beside(&args.input).ok().flatten().map(|(_, sidecar)| sidecar);
     let range = args.readouts.of(reader.readouts());
@@ -132,19 +138,7 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
         )
     };
     facts.write(&sidecar, args.force)?;
-    out.say(format_args!(
-        "{}  {} readouts of {geometry}, layout {}, {}\n{}",
-        args.output.display(),
-        range.len(),
-        form.name(),
-        bytes_text(written.bytes),
-        sidecar.display()
-    ));
-    if let Form::Stream(layout) = form
-        && let Some(caveat) = layout.caveat(geometry)
-    {
-        out.say(format_args!("note: {}: {caveat}", args.output.display()));
-    }
+    say(args, form, (range.len(), geometry), written.bytes, out);
     out.event(&json!({
         "event": "done", "file": args.output.display().to_string(), "layout": form.name(),
         "readouts": range.len(), "width": geometry.width(), "height": geometry.height(),
@@ -152,8 +146,25 @@ pub fn run(args: &Args, out: &Out) -> Result<()> {
     }))
 }
 
+/// Tells of the stream and its sidecar, and of what readers of the layout have to know.
+fn say(args: &Args, form: Form, (readouts, geometry): (usize, Geometry), bytes: u64, out: &Out) {
+    out.say(format_args!(
+        "{}  {} readouts of {geometry}, layout {}, {}\n{}",
+        args.output.display(),
+        readouts,
+        form.name(),
+        bytes_text(bytes),
+        args.sidecar().display()
+    ));
+    if let Form::Stream(layout) = form
+        && let Some(caveat) = layout.caveat(geometry)
+    {
+        out.say(format_args!("note: {}: {caveat}", args.output.display()));
+    }
+}
+
 /// Spikes of what was written: reading it back also shows that it reads back.
-fn count(path: &std::path::Path, layout: Layout, geometry: crate::Geometry) -> Result<u64> {
-    let reader = crate::formats::Reader::open(path, Some(layout), Some(geometry))?;
+fn count(path: &Path, layout: Layout, geometry: Geometry) -> Result<u64> {
+    let reader = Reader::open(path, Some(layout), Some(geometry))?;
     spikes_in(&reader, 0..reader.readouts())
 }

@@ -32,7 +32,7 @@ const SEARCH: usize = 300;
 /// clear image, both as codes of the image's transfer function, cut to 0 to 1, peak 1. FILE is a stream,
 /// or the folder of a dataset.
 #[derive(clap::Args, Debug)]
-pub struct Args {
+pub(crate) struct Args {
     /// Stream file, or folder of a dataset
     file: PathBuf,
     #[command(flatten)]
@@ -85,7 +85,7 @@ impl Picture {
     }
 }
 
-pub fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     if args.full.is_some_and(|f| !(f.is_finite() && f > 0.0)) {
         return Err(Error::new(Kind::Usage, "--full").expected("a positive rate"));
     }

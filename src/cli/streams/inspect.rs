@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::formats::{Reader, Reading, Readings};
-use crate::measure::{Accumulator, Options, summarise};
+use crate::measure::{Accumulator, MeasureOptions, summarise};
 use crate::reconstruct::tfp;
 use crate::report::with_known;
 use crate::simulate::Sidecar;
@@ -26,7 +26,7 @@ const HALF_WINDOW: usize = 80;
 ///
 /// Geometry, layout, number of readouts, rates, and pixels that stand out.
 #[derive(clap::Args, Debug)]
-pub struct Args {
+pub(crate) struct Args {
     /// Stream file (.dat, .npy, .npz)
     file: PathBuf,
     #[command(flatten)]
@@ -55,7 +55,7 @@ fn as_json((r, given): (&Reading, bool)) -> serde_json::Value {
     with_known(about, [("rows_correlation", told(r.rows)), ("bytes_differ", told(r.bytes))])
 }
 
-pub fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let (reader, readings) = args.stream.open_compared(&args.file, out)?;
     let sidecar = Sidecar::beside(&args.file).ok().flatten();
     let range = args.readouts.of(reader.readouts());
@@ -158,7 +158,7 @@ struct Measured {
 
 fn measure(reader: &Reader, range: std::ops::Range<usize>) -> Result<Measured> {
     let geometry = reader.geometry();
-    let options = Options { frames: false, ..Options::without_intervals() };
+    let options = MeasureOptions { frames: false, ..MeasureOptions::without_intervals() };
     let mut sums = Accumulator::new(geometry, &options)?;
     let step = (BATCH / geometry.frame_bytes()).max(1);
     let mut packed = vec![0; step * geometry.frame_bytes()];

@@ -25,7 +25,7 @@ use sinks::{Film, Folder, One, Shown, Sink};
 /// One picture (.png), an array of all (.npy, spikes per readout as f32; intervals in readouts for
 /// isi), a folder of numbered PNGs, or a video through ffmpeg (.mp4, .mkv, .mov, .avi, .webm).
 #[derive(clap::Args, Debug)]
-pub struct Args {
+pub(crate) struct Args {
     /// Stream file
     file: PathBuf,
     /// Where to write: .png, .npy, a video, or a folder
@@ -140,7 +140,7 @@ fn target(path: &Path) -> Result<Target> {
     }
 }
 
-pub fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let target = target(&args.output)?;
     let reader = args.stream.open(&args.file, out)?;
     if args.white.is_some_and(|w| !(w.is_finite() && w > 0.0)) {

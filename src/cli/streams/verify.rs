@@ -15,13 +15,13 @@ use crate::cli::shared::stream::{file_name, spikes_in};
 /// Compares the digest of every byte, then reads every frame. Exit code 9 when a file is not what
 /// its sidecar says. A sidecar may be named in place of its streams; its clear images are then checked too.
 #[derive(clap::Args, Debug)]
-pub struct Args {
+pub(crate) struct Args {
     /// Stream files, or sidecars (.json)
     #[arg(required = true)]
     files: Vec<PathBuf>,
 }
 
-pub fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let mut failed = None;
     for path in &args.files {
         for checked in check(path) {

@@ -7,11 +7,11 @@ use crate::cli::shared::output::Out;
 
 /// Print completions for a shell
 #[derive(clap::Args, Debug)]
-pub struct Args {
+pub(crate) struct Args {
     shell: Shell,
 }
 
-pub fn run(args: &Args, mut command: clap::Command, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, mut command: clap::Command, out: &Out) -> Result<()> {
     let mut text = Vec::new();
     generate(args.shell, &mut command, "spikelane", &mut text);
     out.bytes(&text)

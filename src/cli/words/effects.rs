@@ -9,12 +9,12 @@ use crate::cli::shared::output::Out;
 
 /// List effects with their parameters, units and ranges
 #[derive(clap::Args, Debug)]
-pub struct Args {
+pub(crate) struct Args {
     /// Only this effect
     name: Option<String>,
 }
 
-pub fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let one = args.name.as_deref().map(effects::find).transpose()?;
     for effect in ALL.iter().copied().filter(|e| one.is_none_or(|one| one.name == e.name)) {
         let params: Vec<_> = effect.params.iter().map(param).collect();

@@ -56,7 +56,7 @@ const EXAMPLES: &[(&str, [&str; 2])] = &[
 const TEMPLATE: &str = "{about-with-newline}\n{before-help}{usage-heading} {usage}\n\n{all-args}{after-help}";
 
 /// The command with its help as people read it.
-pub fn command() -> clap::Command {
+pub(crate) fn command() -> clap::Command {
     let shown = |examples: &[&str; 2]| {
         let line = |example: &&str| format!("  spikelane {example}").trim_end().to_owned();
         format!("Examples:\n{}", examples.iter().map(line).collect::<Vec<_>>().join("\n"))
@@ -72,7 +72,7 @@ pub fn command() -> clap::Command {
 ///
 /// # Errors
 /// The exit code, after the answer where they ask for help or make no sense.
-pub fn parse(args: &[OsString]) -> Result<Cli, u8> {
+pub(crate) fn parse(args: &[OsString]) -> Result<Cli, u8> {
     let read = command().try_get_matches_from(args).and_then(|matches| Cli::from_arg_matches(&matches));
     read.map_err(|error| {
         // Nobody is left to hear that the standard channels are closed.
@@ -98,7 +98,9 @@ fn meant(error: &clap::Error) -> Option<String> {
     let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let typed = match ending.as_deref() {
         Some("dat") => format!("spikelane inspect {word}"),
-        Some("toml") => format!("spikelane calibrate {word}' or 'spikelane simulate --camera {word} -o out/"),
+        Some("toml") => {
+            format!("spikelane calibrate {word}' or 'spikelane simulate --camera {word} -o out/")
+        }
         Some("json") => format!("spikelane verify {word}"),
         Some("npy" | "npz") => {
             format!("spikelane inspect {word}' or 'spikelane simulate {word} -o out/{stem}")

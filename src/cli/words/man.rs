@@ -9,7 +9,7 @@ use crate::cli::shared::output::Out;
 
 /// Print the manual page
 #[derive(clap::Args, Debug)]
-pub struct Args {
+pub(crate) struct Args {
     /// Write spikelane.1 and a page for each command into this folder instead
     #[arg(long, value_name = "DIR")]
     dir: Option<PathBuf>,
@@ -18,7 +18,7 @@ pub struct Args {
     force: bool,
 }
 
-pub fn run(args: &Args, mut command: clap::Command, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, mut command: clap::Command, out: &Out) -> Result<()> {
     command.build();
     let Some(folder) = &args.dir else { return out.bytes(&page(command)?) };
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;

@@ -13,7 +13,7 @@ use crate::cli::shared::output::Out;
 
 /// List and print cameras
 #[derive(clap::Args, Debug)]
-pub struct Args {
+pub(crate) struct Args {
     #[command(subcommand)]
     action: Action,
 }
@@ -46,7 +46,7 @@ struct Show {
     force: bool,
 }
 
-pub fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     match &args.action {
         Action::List => list(out),
         Action::Show(args) => show(args, out),

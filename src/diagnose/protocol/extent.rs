@@ -1,6 +1,6 @@
 //! How much of a recording is judged.
 
-use crate::calibrate::{Light, Scene as Pattern};
+use crate::calibrate::{Light, Pattern};
 use crate::spikes::Geometry;
 
 /// Pixel-readouts of a recording that are judged, readouts that are judged at least, and half periods of a square wave.

@@ -1,7 +1,7 @@
 //! One recording of a set: its light and what can be looked at in it.
 
 use super::still::Still;
-use crate::calibrate::{Light, Scene as Pattern};
+use crate::calibrate::{Light, Pattern};
 use crate::diagnose::recording::scan::Look;
 use crate::diagnose::recording::stretches::STEADY;
 

@@ -3,7 +3,7 @@
 use super::extent::{Extent, Part, cut};
 use super::recorded::Scene;
 use super::still::Still;
-use crate::calibrate::{Light, Recording, RecordingSet, Scene as Pattern};
+use crate::calibrate::{Light, Pattern, Recording, RecordingSet};
 use crate::error::{Error, Kind, Result};
 use crate::spikes::Geometry;
 

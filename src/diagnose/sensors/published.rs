@@ -15,7 +15,7 @@ const PLAUSIBLE: f64 = 2.5;
 pub(in crate::diagnose) fn calibrated(set: &RecordingSet, setup: &Setup) -> Result<Camera> {
     let camera = published(setup)?;
     let found = calibrate::observe(set, &mut |_, _| {})
-        .and_then(|observed| calibrate::calibrate(&observed, &calibrate::Options::default()));
+        .and_then(|observed| calibrate::calibrate(&observed, &calibrate::CalibrateOptions::default()));
     // A set that drifts or contradicts itself has no static calibration; the search starts from the published numbers.
     let Ok(calibration) = found else { return Ok(camera) };
     moved(&camera, &calibration)

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::fixed::replaced;
 use super::sample::Sample;
 use super::still;
-use crate::calibrate::{Light, Scene as Pattern};
+use crate::calibrate::{Light, Pattern};
 use crate::diagnose::events::places::put_in;
 use crate::diagnose::protocol::recorded::Scene;
 use crate::diagnose::protocol::recorded_set::Setup;

@@ -5,7 +5,7 @@ use super::entry::ln;
 use super::lines::Lines;
 use super::maps::Map;
 use super::quantiles::Spread;
-use crate::calibrate::{Light, Scene as Pattern};
+use crate::calibrate::{Light, Pattern};
 use crate::diagnose::protocol::recorded::Scene;
 use crate::diagnose::recording::scan::{Scan, dark_windows};
 use crate::diagnose::recording::stretches::STEADY;

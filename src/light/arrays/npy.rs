@@ -10,7 +10,7 @@ use std::path::Path;
 
 use crate::error::{Error, Kind, Result};
 use crate::light::fit::Fit;
-use crate::light::frame::{Frame, Samples, Source};
+use crate::light::frame::{Frame, OwnedSamples, Source};
 use crate::light::rate::Rate;
 use crate::light::transfer::{Curve, Transfer};
 use crate::sensor::FrontEnd;
@@ -120,9 +120,9 @@ impl Array {
     }
 
     /// Numbers as shares of full scale.
-    fn scaled(&self, samples: Samples, frame: u64) -> Result<Samples> {
+    fn scaled(&self, samples: OwnedSamples, frame: u64) -> Result<OwnedSamples> {
         let Some(scale) = self.scale else {
-            if let Samples::F32(values) = &samples {
+            if let OwnedSamples::F32(values) = &samples {
                 let most = values.iter().copied().fold(0.0, f32::max);
                 if most > CODES && most.is_finite() {
                     return Err(Error::new(Kind::Input, &self.reader.name)
@@ -136,12 +136,12 @@ impl Array {
             return Ok(samples);
         };
         let values: Vec<f64> = match samples {
-            Samples::U8(v) if self.reader.element() == Element::Bool => {
+            OwnedSamples::U8(v) if self.reader.element() == Element::Bool => {
                 v.into_iter().map(|x| f64::from(x) / 255.0).collect()
             }
-            Samples::U8(v) => v.into_iter().map(f64::from).collect(),
-            Samples::U16(v) => v.into_iter().map(f64::from).collect(),
-            Samples::F32(v) => v.into_iter().map(f64::from).collect(),
+            OwnedSamples::U8(v) => v.into_iter().map(f64::from).collect(),
+            OwnedSamples::U16(v) => v.into_iter().map(f64::from).collect(),
+            OwnedSamples::F32(v) => v.into_iter().map(f64::from).collect(),
         };
         let light = |x: f64| match self.curve.transfer() {
             Transfer::Linear => x,
@@ -149,23 +149,23 @@ impl Array {
             curve if x >= 0.0 => curve.light(x),
             _ => x,
         };
-        Ok(Samples::F32(values.into_iter().map(|x| light(x / scale) as f32).collect()))
+        Ok(OwnedSamples::F32(values.into_iter().map(|x| light(x / scale) as f32).collect()))
     }
 
-    fn linear(&self, samples: Samples) -> Samples {
+    fn linear(&self, samples: OwnedSamples) -> OwnedSamples {
         if self.curve.transfer() == Transfer::Linear {
             return samples;
         }
         match samples {
-            Samples::U8(v) => {
+            OwnedSamples::U8(v) => {
                 let table = self.curve.table8();
-                Samples::U16(v.iter().map(|&c| table[usize::from(c)]).collect())
+                OwnedSamples::U16(v.iter().map(|&c| table[usize::from(c)]).collect())
             }
-            Samples::U16(v) => {
+            OwnedSamples::U16(v) => {
                 let table = self.curve.table16();
-                Samples::F32(v.iter().map(|&c| table[usize::from(c)]).collect())
+                OwnedSamples::F32(v.iter().map(|&c| table[usize::from(c)]).collect())
             }
-            floats @ Samples::F32(_) => floats,
+            floats @ OwnedSamples::F32(_) => floats,
         }
     }
 }

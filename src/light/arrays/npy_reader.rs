@@ -3,7 +3,7 @@
 use std::io::{ErrorKind, Read};
 
 use crate::error::{Error, Kind, Result};
-use crate::light::frame::{Samples, stored_size};
+use crate::light::frame::{OwnedSamples, stored_size};
 use crate::npy::{Element, Header};
 use crate::spikes::Geometry;
 
@@ -82,7 +82,7 @@ impl<R: Read> Reader<R> {
     ///
     /// # Errors
     /// [`Kind::Input`] when the data end early, [`Kind::Io`] when reading fails.
-    pub fn next_samples(&mut self) -> Result<Option<Samples>> {
+    pub fn next_samples(&mut self) -> Result<Option<OwnedSamples>> {
         if self.next == self.frames {
             return Ok(None);
         }
@@ -101,22 +101,22 @@ impl<R: Read> Reader<R> {
         Ok(Some(self.decode(bytes)))
     }
 
-    fn decode(&self, bytes: Vec<u8>) -> Samples {
+    fn decode(&self, bytes: Vec<u8>) -> OwnedSamples {
         match self.element {
-            Element::U8 => Samples::U8(bytes),
+            Element::U8 => OwnedSamples::U8(bytes),
             Element::U16 => {
                 let order = if self.big_endian { u16::from_be_bytes } else { u16::from_le_bytes };
-                Samples::U16(bytes.as_chunks().0.iter().map(|b| order(*b)).collect())
+                OwnedSamples::U16(bytes.as_chunks().0.iter().map(|b| order(*b)).collect())
             }
-            Element::Bool => Samples::U8(bytes.iter().map(|b| if *b == 0 { 0 } else { 255 }).collect()),
+            Element::Bool => OwnedSamples::U8(bytes.iter().map(|b| if *b == 0 { 0 } else { 255 }).collect()),
             Element::F32 => {
                 let order = if self.big_endian { f32::from_be_bytes } else { f32::from_le_bytes };
-                Samples::F32(bytes.as_chunks().0.iter().map(|b| order(*b)).collect())
+                OwnedSamples::F32(bytes.as_chunks().0.iter().map(|b| order(*b)).collect())
             }
             other => {
                 let mut values = Vec::with_capacity(self.geometry.pixels());
                 other.for_each(self.big_endian, &bytes, |v| values.push(v as f32));
-                Samples::F32(values)
+                OwnedSamples::F32(values)
             }
         }
     }

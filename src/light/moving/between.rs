@@ -9,7 +9,7 @@
 
 use crate::error::{Error, Kind, Result};
 use crate::interpolation::catmull_rom;
-use crate::light::frame::{Frame, Samples};
+use crate::light::frame::{Frame, OwnedSamples};
 use crate::spikes::Geometry;
 
 /// Half the side of the window in which motion is taken for uniform, in pixels.
@@ -235,6 +235,16 @@ impl Way {
 impl Between {
     /// Estimates the motion from `from` to `to`.
     ///
+    /// # Examples
+    /// ```
+    /// use spikelane::Geometry;
+    /// use spikelane::light::{Between, Frame};
+    /// let dark = Frame::dark(Geometry::new(64, 48)?);
+    /// let middle = Between::new(&dark, &dark)?.at(0.5)?;
+    /// assert_eq!(middle.max(), 0.0);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// [`Kind::Usage`] when the frames differ in size.
     pub fn new(from: &Frame, to: &Frame) -> Result<Self> {
@@ -284,7 +294,7 @@ impl Between {
             // A cubic may swing below the dark side of an edge.
             .map(|light| light.max(0.0))
             .collect();
-        Frame::new(self.geometry, Samples::F32(light))
+        Frame::new(self.geometry, OwnedSamples::F32(light))
     }
 
     /// How badly a field at `weight` explains the two frames, around every pixel.

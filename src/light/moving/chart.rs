@@ -14,7 +14,7 @@
 //! one pixel without drawing it many times over, and a pixel is the same on every machine.
 
 use crate::error::{Error, Kind, Result};
-use crate::light::frame::{Frame, Samples, Source};
+use crate::light::frame::{Frame, OwnedSamples, Source};
 use crate::light::rate::Rate;
 use crate::spikes::Geometry;
 
@@ -82,7 +82,7 @@ impl Chart {
                 samples.push((light * 65535.0 + 0.5) as u16);
             }
         }
-        Frame::new(self.geometry, Samples::U16(samples)).expect("one sample per pixel")
+        Frame::new(self.geometry, OwnedSamples::U16(samples)).expect("one sample per pixel")
     }
 }
 

@@ -9,12 +9,13 @@ use std::str::FromStr;
 
 use crate::error::{Error, Kind, Result};
 use crate::light::fit::Whole;
-use crate::light::frame::{Frame, Samples};
+use crate::light::frame::{Frame, OwnedSamples};
 use crate::light::rate::Rate;
 use crate::spikes::Geometry;
 
 /// How the camera moves. At time 0 it stands where a still picture would be.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Motion {
     /// Camera pixels to the right and down; the picture moves the other way.
     pub pan: [f64; 2],
@@ -114,13 +115,13 @@ impl Motion {
         };
         let of = picture.geometry();
         let samples = match picture.samples() {
-            Samples::U8(v) => {
-                Samples::U16(sampled(camera, of, at, |p| f32::from(v[p]) * 257.0, |x| (x + 0.5) as u16))
+            OwnedSamples::U8(v) => {
+                OwnedSamples::U16(sampled(camera, of, at, |p| f32::from(v[p]) * 257.0, |x| (x + 0.5) as u16))
             }
-            Samples::U16(v) => {
-                Samples::U16(sampled(camera, of, at, |p| f32::from(v[p]), |x| (x + 0.5) as u16))
+            OwnedSamples::U16(v) => {
+                OwnedSamples::U16(sampled(camera, of, at, |p| f32::from(v[p]), |x| (x + 0.5) as u16))
             }
-            Samples::F32(v) => Samples::F32(sampled(camera, of, at, |p| v[p], |x| x.max(0.0))),
+            OwnedSamples::F32(v) => OwnedSamples::F32(sampled(camera, of, at, |p| v[p], |x| x.max(0.0))),
         };
         Frame::new(camera, samples)
     }

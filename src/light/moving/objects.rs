@@ -7,7 +7,7 @@
 
 use crate::draws::hash::mix64;
 use crate::error::{Error, Kind, Result};
-use crate::light::frame::{Frame, Samples, Source};
+use crate::light::frame::{Frame, OwnedSamples, Source};
 use crate::light::rate::Rate;
 use crate::spikes::Geometry;
 
@@ -178,7 +178,7 @@ impl Objects {
             }
         }
         let samples = light.into_iter().map(|v| (v * 65535.0 + 0.5) as u16).collect();
-        Frame::new(self.geometry, Samples::U16(samples)).expect("one sample per pixel")
+        Frame::new(self.geometry, OwnedSamples::U16(samples)).expect("one sample per pixel")
     }
 }
 

@@ -11,7 +11,7 @@ use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use crate::error::{Error, Kind, Result};
-use crate::light::frame::{Frame, Samples, stored_size};
+use crate::light::frame::{Frame, OwnedSamples, stored_size};
 use crate::light::transfer::{Curve, Transfer};
 use crate::sensor::FrontEnd;
 use crate::spikes::Geometry;
@@ -95,6 +95,7 @@ pub fn is_picture(path: &Path) -> bool {
 
 /// What the header of an image file says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Header {
     /// Width and height as the picture is shown, its orientation obeyed.
     pub size: Geometry,
@@ -219,37 +220,37 @@ pub fn linearise(image: DynamicImage, linear: &Linear) -> Result<Frame> {
     Frame::new(geometry, samples)
 }
 
-fn grey8(codes: Vec<u8>, linear: &Linear, plain: bool) -> Samples {
+fn grey8(codes: Vec<u8>, linear: &Linear, plain: bool) -> OwnedSamples {
     if plain {
-        return Samples::U8(codes);
+        return OwnedSamples::U8(codes);
     }
     let table = linear.integers.table8();
-    Samples::U16(codes.iter().map(|&c| table[usize::from(c)]).collect())
+    OwnedSamples::U16(codes.iter().map(|&c| table[usize::from(c)]).collect())
 }
 
-fn grey16(codes: Vec<u16>, linear: &Linear, plain: bool) -> Samples {
+fn grey16(codes: Vec<u16>, linear: &Linear, plain: bool) -> OwnedSamples {
     if plain {
-        return Samples::U16(codes);
+        return OwnedSamples::U16(codes);
     }
     let table = linear.integers.table16();
-    Samples::F32(codes.iter().map(|&c| table[usize::from(c)]).collect())
+    OwnedSamples::F32(codes.iter().map(|&c| table[usize::from(c)]).collect())
 }
 
-fn colour8<const N: usize>(codes: &[u8], linear: &Linear) -> Samples {
+fn colour8<const N: usize>(codes: &[u8], linear: &Linear) -> OwnedSamples {
     let table = linear.integers.table8().map(f32::from);
     let light = |p: &[u8; N]| linear.light([0, 1, 2].map(|c| f32::from(p[c])), [1.0, 255.0], |c| table[c]);
     let (pixels, _) = codes.as_chunks::<N>();
-    Samples::U16(pixels.iter().map(|p| (light(p) + 0.5) as u16).collect())
+    OwnedSamples::U16(pixels.iter().map(|p| (light(p) + 0.5) as u16).collect())
 }
 
-fn colour16<const N: usize>(codes: &[u16], linear: &Linear) -> Samples {
+fn colour16<const N: usize>(codes: &[u16], linear: &Linear) -> OwnedSamples {
     let table = linear.integers.table16();
     let light = |p: &[u16; N]| linear.light([0, 1, 2].map(|c| f32::from(p[c])), [1.0, 65535.0], |c| table[c]);
     let (pixels, _) = codes.as_chunks::<N>();
-    Samples::F32(pixels.iter().map(light).collect())
+    OwnedSamples::F32(pixels.iter().map(light).collect())
 }
 
-fn colour32<const N: usize>(codes: &[f32], linear: &Linear) -> Samples {
+fn colour32<const N: usize>(codes: &[f32], linear: &Linear) -> OwnedSamples {
     let decode = |code: f32| match linear.floats {
         Transfer::Linear => code,
         curve => curve.light(f64::from(code)) as f32,
@@ -257,5 +258,5 @@ fn colour32<const N: usize>(codes: &[f32], linear: &Linear) -> Samples {
     let [r, g, b] = linear.weights;
     let light = |p: &[f32; N]| r * decode(p[0]) + g * decode(p[1]) + b * decode(p[2]);
     let (pixels, _) = codes.as_chunks::<N>();
-    Samples::F32(pixels.iter().map(light).collect())
+    OwnedSamples::F32(pixels.iter().map(light).collect())
 }

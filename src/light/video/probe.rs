@@ -60,7 +60,7 @@ impl Probe {
     /// # Errors
     /// [`Kind::Tool`] when it is missing, cannot read the file or finds no video, [`Kind::Input`] when the matrix is
     /// none that is known here.
-    pub fn of(path: &Path, program: &str) -> Result<Self> {
+    pub(crate) fn of(path: &Path, program: &str) -> Result<Self> {
         let text = Self::ask(path, program, "stream=pix_fmt,color_range,color_space")?;
         let mut probe = Self::parse(&text).map_err(|e| e.within(path.display()))?;
         let packets = Self::ask(path, program, "packet=pts_time,flags")?;
@@ -131,7 +131,7 @@ impl Probe {
     }
 
     /// Filters after which frames are planes that y4m holds, with the values of the file.
-    pub fn filters(&self) -> String {
+    pub(crate) fn filters(&self) -> String {
         const DEINTERLACE: &str = "yadif=deint=interlaced";
         let (target, rgb) = match family(&self.pixels) {
             Family::Mono(bits) => (planar("gray", bits), None),
@@ -162,7 +162,7 @@ impl Probe {
     }
 
     /// What y4m cannot say of those planes.
-    pub fn known(&self) -> Known {
+    pub(crate) fn known(&self) -> Known {
         match family(&self.pixels) {
             Family::Rgb(_) => Known { matrix: Some(Matrix::Gbr), full: Some(true) },
             _ => Known { matrix: self.matrix, full: Some(self.is_full()) },

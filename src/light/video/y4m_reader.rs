@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::yuv::{Known, Layout, chroma};
 use crate::error::{Error, Kind, Result};
-use crate::light::frame::{Frame, Samples, stored_size};
+use crate::light::frame::{Frame, OwnedSamples, stored_size};
 use crate::light::pictures::picture::Linear;
 use crate::light::rate::Rate;
 use crate::spikes::Geometry;
@@ -119,9 +119,9 @@ impl<R: Read> Reader<R> {
             let planes = [f.get_y_plane(), f.get_u_plane(), f.get_v_plane()];
             let light = layout.light(planes, linear, table);
             if layout.depth == 8 {
-                Samples::U16(light.map(|x| (x * 65535.0 + 0.5) as u16).collect())
+                OwnedSamples::U16(light.map(|x| (x * 65535.0 + 0.5) as u16).collect())
             } else {
-                Samples::F32(light.collect())
+                OwnedSamples::F32(light.collect())
             }
         })?;
         samples.map(|s| Frame::new(geometry, s)).transpose()

@@ -8,6 +8,7 @@ use crate::measure::{Summary, TotalsLine, frame_total_lines, summarise};
 
 /// Everything that is told of a recording.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Said {
     /// Rates, spreads and defects.
     pub summary: Summary,

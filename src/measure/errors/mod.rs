@@ -35,6 +35,7 @@ const BELOW: f64 = 1.645;
 
 /// A statistic of a recording with its errors. What cannot be told is absent.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Told {
     /// Short name, as in [`list`].
     pub key: String,

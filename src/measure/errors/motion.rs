@@ -17,6 +17,7 @@ const ALIKE: f64 = 0.15;
 
 /// What changed between the halves of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Motion {
     /// Whether the scene moved.
     pub moves: bool,
@@ -34,7 +35,9 @@ pub struct Motion {
 /// and a scene moves where eight or more that changed one way lie side by side (a pixel that blinks is alone), in a thousandth
 /// of the sensor; or where the changes of neighbours go together in both directions and are twice what phases make.
 pub(super) fn motion(rates: &[Vec<f64>], width: usize, sd: f64) -> Motion {
-    let [first, second] = rates else { return Motion { moves: false, share: 0.0 } };
+    let [first, second] = rates else {
+        return Motion { moves: false, share: 0.0 };
+    };
     let told = |p: &usize| first[*p].is_finite() && second[*p].is_finite();
     let mut order: Vec<usize> = (0..first.len()).filter(told).collect();
     order.sort_by(|a, b| (first[*a] + second[*a]).total_cmp(&(first[*b] + second[*b])));

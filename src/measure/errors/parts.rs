@@ -11,7 +11,7 @@ use super::scatter::Scatter;
 use super::values::Quantity;
 use crate::error::Result;
 use crate::formats::Reader;
-use crate::measure::{Accumulator, Options, Statistics};
+use crate::measure::{Accumulator, MeasureOptions, Statistics};
 use crate::spikes::{Geometry, Packed};
 
 /// Readouts read at a time.
@@ -19,6 +19,7 @@ const BATCH: usize = 496;
 
 /// A recording, and how its statistics scatter between its parts.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Recording {
     /// The whole.
     pub statistics: Statistics,
@@ -43,7 +44,7 @@ pub(super) fn quarter_readouts(readouts: usize) -> usize {
 /// Takes the readouts of a recording of known length.
 pub struct Recorder {
     geometry: Geometry,
-    options: Options,
+    options: MeasureOptions,
     at: usize,
     quarter: usize,
     whole: Vec<Accumulator>,
@@ -58,7 +59,7 @@ impl Recorder {
     /// # Errors
     /// As [`Accumulator::new`].
     pub fn new(geometry: Geometry, readouts: usize) -> Result<Self> {
-        let options = Options::default();
+        let options = MeasureOptions::default();
         let (whole, quarter) = (bands(geometry, &options, true)?, readouts / 4);
         let quantities = Quantity::all(&options.lags);
         Ok(Self {
@@ -133,18 +134,18 @@ impl Recorder {
 }
 
 /// Accumulators side by side.
-fn bands(geometry: Geometry, options: &Options, frames: bool) -> Result<Vec<Accumulator>> {
+fn bands(geometry: Geometry, options: &MeasureOptions, frames: bool) -> Result<Vec<Accumulator>> {
     let bands = (2 * rayon::current_num_threads()).clamp(1, geometry.height());
     // Small sensors are not worth the threads' time.
     let bands = bands.min((geometry.pixels() / 2048).max(1));
     let rows = |i: usize| i * geometry.height() / bands..(i + 1) * geometry.height() / bands;
     let band = |i| {
         let rows = Some(rows(i));
-        Accumulator::new(geometry, &Options { rows, frames: false, ..options.clone() })
+        Accumulator::new(geometry, &MeasureOptions { rows, frames: false, ..options.clone() })
     };
     let mut all = (0..bands).map(band).collect::<Result<Vec<_>>>()?;
     if frames {
-        let whole = Options { counts: false, intervals: false, ..options.clone() };
+        let whole = MeasureOptions { counts: false, intervals: false, ..options.clone() };
         all.push(Accumulator::new(geometry, &whole)?);
     }
     Ok(all)

@@ -7,7 +7,7 @@ mod pair_sums;
 use super::block::Block;
 use super::estimate::Estimate;
 use super::newest;
-use super::options::Options;
+use super::options::MeasureOptions;
 use crate::spikes::Geometry;
 use halves::{ColumnHalves, RowHalves};
 use pair_sums::PairSums;
@@ -15,6 +15,7 @@ use pair_sums::PairSums;
 /// A number and the readout where it was seen first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "files", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Extreme {
     /// Readout, from 0.
     pub readout: u32,
@@ -24,11 +25,12 @@ pub struct Extreme {
 
 /// Statistics of whole readouts.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Frames {
     geometry: Geometry,
     readouts: u32,
     /// Spikes in each readout; of a longer stream the first
-    /// [`super::Options::series_readouts`] only.
+    /// [`super::MeasureOptions::series_readouts`] only.
     pub totals: Vec<u32>,
     /// Pixels in which readout `i + 1` differs from readout `i` (Hamming
     /// distance), kept as long as the totals.
@@ -50,7 +52,7 @@ pub(super) struct State {
 }
 
 impl State {
-    pub(super) fn new(geometry: Geometry, options: &Options, block: &Block) -> Self {
+    pub(super) fn new(geometry: Geometry, options: &MeasureOptions, block: &Block) -> Self {
         let halves = || {
             let rows = RowHalves::new(geometry, block.stride());
             (rows, ColumnHalves::new(geometry, block.stride()))
@@ -182,7 +184,7 @@ impl Frames {
     /// a row, mean over rows, less the covariance of *different* rows (which
     /// flicker and drift cause, and noise of single rows does not), in spikes
     /// squared. The middle column of an odd width is left out. Standard error:
-    /// spread over rows, `sd / sqrt(rows)`. NaN without [`Options::halves`].
+    /// spread over rows, `sd / sqrt(rows)`. NaN without [`MeasureOptions::halves`].
     #[must_use]
     pub fn row_covariance(&self) -> Estimate {
         excess(&self.rows, self.left_right, self.readouts)

@@ -5,8 +5,10 @@
 //! loop over silent bits.
 
 use super::super::block::{Block, CAPACITY};
-use super::LONGEST_LAG;
 use crate::kernels::{Bits, Places, ROOM, SHORTS, SLACK, WORDS};
+
+/// The longest lag, in intervals.
+pub(in crate::measure) const LONGEST_LAG: u32 = 64;
 
 /// Words of a pixel's history in one block.
 pub(super) const HISTORY_WORDS: usize = CAPACITY.div_ceil(64);

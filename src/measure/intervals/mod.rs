@@ -24,12 +24,10 @@ pub(super) use readouts::DeviationSum;
 use readouts::REFERENCE;
 use readouts::Readouts;
 
+pub(super) use decode::LONGEST_LAG;
 pub use lengths::Lengths;
 pub use result::{Deviation, Halves, Intervals, PixelIntervals};
 pub use variance::PhaseNoise;
-
-/// The longest lag, in intervals.
-pub const LONGEST_LAG: u32 = 64;
 
 /// Spikes, last spikes and squares at the split.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -32,6 +32,7 @@ pub struct Intervals {
 
 /// The intervals of one pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct PixelIntervals {
     /// Number of intervals `N`, one less than the spikes.
     pub intervals: u32,
@@ -51,6 +52,7 @@ pub struct PixelIntervals {
 
 /// The two halves of a stream: maps over the band's pixels.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Halves {
     /// Time-based rates of the first and second half, spikes per readout. An
     /// interval across the split belongs to the second half.
@@ -62,6 +64,7 @@ pub struct Halves {
 /// How the intervals that end at one readout deviate from their pixels' means.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "files", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Deviation {
     /// The readout.
     pub readout: u32,
@@ -167,7 +170,7 @@ impl Intervals {
         })
     }
 
-    /// The halves of the stream, when [`super::super::Options::split`] was set
+    /// The halves of the stream, when [`super::super::MeasureOptions::split`] was set
     /// and reached.
     #[must_use]
     pub fn halves(&self) -> Option<Halves> {
@@ -202,7 +205,7 @@ impl Intervals {
 
     /// Readout by readout, how the intervals that end there deviate from the
     /// mean of their pixel's first 16, for readouts with at least `least`
-    /// intervals, of the first [`super::super::Options::series_readouts`].
+    /// intervals, of the first [`super::super::MeasureOptions::series_readouts`].
     ///
     /// In a static scene a lost readout shortens all intervals around it, and a
     /// repeated one splits or lengthens them. Standard error of a mean: the root of

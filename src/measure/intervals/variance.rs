@@ -33,6 +33,7 @@ use super::Intervals;
 /// Variance of spike times as `V(n) = n per_spike + constant`, in readouts squared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "files", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct PhaseNoise {
     /// Growth per spike: shot noise and threshold noise.
     pub per_spike: Estimate,

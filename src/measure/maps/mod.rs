@@ -86,6 +86,7 @@ pub fn box_means(map: &[f64], width: usize, radius: usize) -> Vec<f64> {
 
 /// Means of the rows and columns of a map, and how much they vary.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct LineStructure {
     /// Mean of each row.
     pub rows: Vec<f64>,
@@ -167,6 +168,7 @@ fn high_pass_line(means: &[f64]) -> Vec<f64> {
 /// Correlations of a map with itself, shifted by one pixel.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(feature = "files", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Correlations {
     /// With the right neighbour.
     pub right: Estimate,

@@ -12,7 +12,7 @@ use crate::scene::shapes::mesh::Mesh;
 
 impl City {
     /// Builds the city along `[start_s, end_s]`; `tunnel` covers that stretch of it.
-    pub fn random(seed: u64, start_s: f64, end_s: f64, tunnel: Option<(f64, f64)>) -> Self {
+    pub(crate) fn random(seed: u64, start_s: f64, end_s: f64, tunnel: Option<(f64, f64)>) -> Self {
         let road = Road::random(seed, start_s, end_s, tunnel.is_some());
         let draws = Draws::new(seed, "district");
         let district = [District::Old, District::Old, District::Downtown, District::Suburb][draws.pick(0, 4)];

@@ -60,7 +60,7 @@ const SHOP_SIGNS: [[f32; 3]; 6] = [
 impl Facade {
     /// A style that suits `district` for a house about `height_m` tall; the
     /// height is rounded to whole storeys and the bays to the front's width.
-    pub fn random(draws: Draws, district: District, height_m: f32, front_m: f32) -> Self {
+    pub(crate) fn random(draws: Draws, district: District, height_m: f32, front_m: f32) -> Self {
         let wall = match (district, draws.pick(0, 10)) {
             (District::Old, 0..4) | (District::Suburb, 0..5) => Wall::Brick,
             (District::Old | District::Suburb, _) | (District::Downtown, 0..2) => Wall::Plaster,

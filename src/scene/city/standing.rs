@@ -51,12 +51,12 @@ impl City {
     }
 
     /// How deep inside the tunnel a place is: 0 outside, 1 from 3 m inside.
-    pub fn tunnel_share(&self, s: f64) -> f32 {
+    pub(crate) fn tunnel_share(&self, s: f64) -> f32 {
         self.tunnel.map_or(0.0, |(a, b)| (((s - a).min(b - s) / 3.0).clamp(0.0, 1.0)) as f32)
     }
 
     /// Share of the sky that a vehicle on the road sees at `s`.
-    pub fn sky_at(&self, s: f64) -> f32 {
+    pub(crate) fn sky_at(&self, s: f64) -> f32 {
         let x = ((s - self.start_s) / SKY_STEP_M).clamp(0.0, (self.sky_along.len() - 2) as f64);
         let (i, t) = (x as usize, (x - x.floor()) as f32);
         self.sky_along[i] * (1.0 - t) + self.sky_along[i + 1] * t

@@ -28,7 +28,7 @@ pub(in crate::scene) struct Part<'a> {
 impl Part<'_> {
     /// A point of the part in camera coordinates.
     #[inline]
-    pub fn to_camera(self, local: Vec3) -> Vec3 {
+    pub(crate) fn to_camera(self, local: Vec3) -> Vec3 {
         self.camera_axes * ((local - self.eye.0) - self.eye.1)
     }
 }
@@ -83,7 +83,7 @@ pub(in crate::scene) struct Frame<'a> {
 }
 
 impl<'a> Frame<'a> {
-    pub fn new(scene: &'a Scene, t: f64) -> Self {
+    pub(crate) fn new(scene: &'a Scene, t: f64) -> Self {
         let camera = scene.camera_unchecked(t);
         let mut frame = Self {
             scene,
@@ -211,7 +211,7 @@ impl<'a> Frame<'a> {
     }
 
     /// True when a vehicle of `list` lies between `origin` and `origin + max way`.
-    pub fn blocked_by(&self, list: &[u16], origin: Vec3, way: Vec3, max: f32) -> bool {
+    pub(crate) fn blocked_by(&self, list: &[u16], origin: Vec3, way: Vec3, max: f32) -> bool {
         list.iter().any(|&i| {
             let p = &self.placed[i as usize];
             let from = p.axes.transpose() * (origin - p.origin);

@@ -28,7 +28,7 @@ pub(in crate::scene) struct Pattern {
 
 impl Pattern {
     /// `count` colour samples (0, 4 or 16) and the centre.
-    pub fn new(count: usize) -> Self {
+    pub(crate) fn new(count: usize) -> Self {
         let n = count as f32;
         // Multiplying by a number coprime to the count scatters the columns.
         let (times, plus) = if count == 4 { (2.0, 1.0) } else { (7.0, 3.0) };
@@ -45,7 +45,7 @@ impl Pattern {
     }
 
     /// Rows of samples in a row of pixels.
-    pub fn rows(&self) -> usize {
+    pub(crate) fn rows(&self) -> usize {
         self.offsets.len()
     }
 }
@@ -202,7 +202,7 @@ pub(in crate::scene) struct Band {
 
 impl Band {
     /// Rasterises all that reaches into the pixel rows `top .. top + rows`.
-    pub fn fill(batches: &[Batch], pattern: &Pattern, width: usize, top: usize, rows: usize) -> Self {
+    pub(crate) fn fill(batches: &[Batch], pattern: &Pattern, width: usize, top: usize, rows: usize) -> Self {
         let count = width * rows * pattern.rows();
         let mut band =
             Self { width, samples: pattern.rows(), inverse: vec![0.0; count], ids: vec![NOTHING; count] };
@@ -250,12 +250,12 @@ impl Band {
     }
 
     /// Samples that show anything.
-    pub fn covered(&self) -> u32 {
+    pub(crate) fn covered(&self) -> u32 {
         self.ids.iter().filter(|&&id| id != NOTHING).count() as u32
     }
 
     /// The triangle at sample `k` of a pixel.
-    pub fn id(&self, row: usize, column: usize, k: usize) -> u32 {
+    pub(crate) fn id(&self, row: usize, column: usize, k: usize) -> u32 {
         self.ids[(row * self.samples + k) * self.width + column]
     }
 }

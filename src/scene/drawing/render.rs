@@ -15,7 +15,8 @@ use crate::scene::world::Scene;
 
 /// Colour samples in a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum Samples {
+#[non_exhaustive]
+pub enum SamplesPerPixel {
     /// 2x2: four, the default.
     #[default]
     Four,
@@ -23,7 +24,7 @@ pub enum Samples {
     Sixteen,
 }
 
-impl Samples {
+impl SamplesPerPixel {
     const fn count(self) -> usize {
         match self {
             Self::Four => 4,
@@ -34,6 +35,7 @@ impl Samples {
 
 /// What the centres of the pixels see at one instant; row-major, top row first.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Labels {
     /// Pixels in a row.
     pub width: usize,
@@ -53,6 +55,7 @@ pub struct Labels {
 
 /// A rendered frame.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Rendered {
     /// What the pixels' centres see.
     pub labels: Labels,
@@ -199,7 +202,7 @@ impl Scene {
     ///
     /// # Errors
     /// When `t` lies outside the drive.
-    pub fn render(&self, t: f64, samples: Samples, threads: usize) -> Result<Rendered> {
+    pub fn render(&self, t: f64, samples: SamplesPerPixel, threads: usize) -> Result<Rendered> {
         self.check_time(t)?;
         Ok(rendered(&Frame::new(self, t), samples, threads))
     }
@@ -220,7 +223,7 @@ fn labels_of(frame: &Frame, threads: usize) -> Labels {
 }
 
 /// A whole frame.
-fn rendered(frame: &Frame, samples: Samples, threads: usize) -> Rendered {
+fn rendered(frame: &Frame, samples: SamplesPerPixel, threads: usize) -> Rendered {
     let pattern = Pattern::new(samples.count());
     let shadows = frame.scene.light.sun.max_element() > 0.0;
     let seen = see(frame, &pattern, shadows, threads);

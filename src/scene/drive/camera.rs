@@ -9,6 +9,7 @@ use crate::scene::random::Draws;
 /// forward, and pixel centres at half-integers (the image covers
 /// `[0, width] x [0, height]`).
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Intrinsics {
     /// Pixels in a row.
     pub width: u32,
@@ -22,6 +23,7 @@ pub struct Intrinsics {
 
 /// Where the camera is and how it is turned.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Pose {
     /// Position in the world in metres (x east, y north, z up).
     pub position: DVec3,
@@ -31,6 +33,7 @@ pub struct Pose {
 
 /// Pose and intrinsics at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Camera {
     /// Pinhole parameters.
     pub intrinsics: Intrinsics,
@@ -70,7 +73,7 @@ pub(in crate::scene) struct Mount {
 }
 
 impl Mount {
-    pub fn random(seed: u64) -> Self {
+    pub(crate) fn random(seed: u64) -> Self {
         let draws = Draws::new(seed, "camera");
         // Sprung body and road roughness: a few modes between 1.5 and 14 Hz.
         let mode = |i: u64, hz: (f64, f64), degrees: f64| {
@@ -97,7 +100,7 @@ impl Mount {
     }
 
     /// The pose on a car in `stance` at `t`.
-    pub fn pose(&self, stance: &Stance, t: f64) -> Pose {
+    pub(crate) fn pose(&self, stance: &Stance, t: f64) -> Pose {
         let wave = |i: usize| {
             let (a, k, p) = self.shake[i];
             a * libm::sin(k * t + p)

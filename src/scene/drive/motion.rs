@@ -16,12 +16,12 @@ pub(in crate::scene) struct Track {
 
 impl Track {
     /// Moves the whole run along the road.
-    pub fn shift(&mut self, by_m: f64) {
+    pub(crate) fn shift(&mut self, by_m: f64) {
         self.states.iter_mut().for_each(|x| x.0 += by_m);
     }
 
     /// Arc length (m) and speed (m/s) at `t`.
-    pub fn at(&self, t: f64) -> (f64, f64) {
+    pub(crate) fn at(&self, t: f64) -> (f64, f64) {
         let x = ((t - self.start_s) / STEP_S).clamp(0.0, (self.states.len() - 1) as f64 - 1e-9);
         let (i, u) = (x as usize, x - x.floor());
         let ((p0, v0), (p1, v1)) = (self.states[i], self.states[i + 1]);
@@ -85,7 +85,7 @@ pub(in crate::scene) fn stance_of(road: &Road, motion: &Motion, t: f64, span: (f
 
 impl Stance {
     /// From the vehicle's coordinates to the world's.
-    pub fn to_world(self) -> DAffine3 {
+    pub(crate) fn to_world(self) -> DAffine3 {
         let (sin, cos) = libm::sincos(self.heading);
         DAffine3::from_cols(
             DVec3::new(cos, sin, 0.0),

@@ -42,7 +42,7 @@ pub(in crate::scene) struct Junction {
 
 impl Road {
     /// A road over `[start_s, end_s]`, in a style drawn from `seed`.
-    pub fn random(seed: u64, start_s: f64, end_s: f64, tunnel: bool) -> Self {
+    pub(crate) fn random(seed: u64, start_s: f64, end_s: f64, tunnel: bool) -> Self {
         let draws = Draws::new(seed, "road");
         let bend = if tunnel { 0.25 } else { 1.0 };
         let wave = |i: u64, amplitude: f64, length: (f64, f64)| {
@@ -96,23 +96,23 @@ impl Road {
     }
 
     /// Heading in radians from the x axis, counter-clockwise.
-    pub fn heading(&self, s: f64) -> f64 {
+    pub(crate) fn heading(&self, s: f64) -> f64 {
         self.waves.iter().map(|&(a, k, p)| a * libm::sin(k * s + p)).sum()
     }
 
     /// Change of heading per metre.
-    pub fn curvature(&self, s: f64) -> f64 {
+    pub(crate) fn curvature(&self, s: f64) -> f64 {
         self.waves.iter().map(|&(a, k, p)| a * k * libm::cos(k * s + p)).sum()
     }
 
     /// Unit vector along the road.
-    pub fn tangent(&self, s: f64) -> DVec2 {
+    pub(crate) fn tangent(&self, s: f64) -> DVec2 {
         let h = self.heading(s);
         DVec2::new(libm::cos(h), libm::sin(h))
     }
 
     /// The point at arc length `s` and `d` metres to the left.
-    pub fn point(&self, s: f64, d: f64) -> DVec2 {
+    pub(crate) fn point(&self, s: f64, d: f64) -> DVec2 {
         let x = ((s - self.start_s) / STEP_M).clamp(0.0, (self.points.len() - 2) as f64);
         let i = x as usize;
         let s0 = self.start_s + i as f64 * STEP_M;
@@ -128,13 +128,13 @@ impl Road {
     }
 
     /// The same point at height `z`, in single precision.
-    pub fn place(&self, s: f64, d: f64, z: f64) -> Vec3 {
+    pub(crate) fn place(&self, s: f64, d: f64, z: f64) -> Vec3 {
         let p = self.point(s, d);
         Vec3::new(p.x as f32, p.y as f32, z as f32)
     }
 
     /// Arc length and offset of a world point near the road.
-    pub fn locate(&self, x: f32, y: f32) -> (f64, f64) {
+    pub(crate) fn locate(&self, x: f32, y: f32) -> (f64, f64) {
         let p = DVec2::new(f64::from(x), f64::from(y));
         let mut s = p.x;
         for _ in 0..4 {
@@ -144,18 +144,18 @@ impl Road {
     }
 
     /// Half the carriageway: lanes and parking strip.
-    pub fn half_m(&self) -> f64 {
+    pub(crate) fn half_m(&self) -> f64 {
         self.lanes as f64 * LANE_M + self.parking_m
     }
 
     /// The offset of the middle of `lane` (0 next to the centre line).
-    pub fn lane_d(&self, lane: usize, forward: bool) -> f64 {
+    pub(crate) fn lane_d(&self, lane: usize, forward: bool) -> f64 {
         let d = (lane as f64 + 0.5) * LANE_M * self.hand;
         if forward { -d } else { d }
     }
 
     /// True within `margin` of a side street's carriageway.
-    pub fn in_junction(&self, s: f64, margin: f64) -> bool {
+    pub(crate) fn in_junction(&self, s: f64, margin: f64) -> bool {
         self.junctions.iter().any(|j| (s - j.s).abs() < j.half_m + margin)
     }
 }

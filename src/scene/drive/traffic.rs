@@ -47,7 +47,7 @@ const PAINTS: [[f32; 3]; 12] = [
 
 impl Traffic {
     /// Vehicles on `road`, the camera's car at s = 0 when t = 0.
-    pub fn random(seed: u64, road: &Road, demand: &Demand) -> Self {
+    pub(crate) fn random(seed: u64, road: &Road, demand: &Demand) -> Self {
         let draws = Draws::new(seed, "traffic");
         let classes = [
             (VehicleClass::Sedan, 6u64),

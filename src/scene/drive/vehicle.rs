@@ -15,6 +15,7 @@ use crate::scene::shapes::mesh::Mesh;
 
 /// What sort of vehicle it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum VehicleClass {
     /// A passenger car.
     Sedan,
@@ -68,7 +69,7 @@ pub(in crate::scene) struct Shape {
 
 impl Shape {
     /// Model number `index` of `class` under `draws`.
-    pub fn random(class: VehicleClass, draws: Draws) -> Self {
+    pub(crate) fn random(class: VehicleClass, draws: Draws) -> Self {
         let mut shell = Mesh::default();
         let (wheel_m, axles, half) = match class {
             VehicleClass::Sedan => sedan(&mut shell, draws),
@@ -92,7 +93,7 @@ impl Shape {
 impl Shape {
     /// From the coordinates of each rigid part, shell first, to the vehicle's,
     /// after the wheels have rolled so far.
-    pub fn parts(&self, rolled_m: f64) -> impl Iterator<Item = (&Mesh, DAffine3)> {
+    pub(crate) fn parts(&self, rolled_m: f64) -> impl Iterator<Item = (&Mesh, DAffine3)> {
         let (sin, cos) = libm::sincos(rolled_m / f64::from(self.wheel_m));
         let axles = self.axles.iter().map(move |&x| {
             let hub = DVec3::new(f64::from(x), 0.0, f64::from(self.wheel_m));

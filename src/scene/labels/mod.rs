@@ -14,8 +14,19 @@ pub use coco::Coco;
 pub use exr::{can_write_exr, exr};
 pub use flo::flo;
 pub use kitti::{kitti_depth, kitti_flow, kitti_line, kitti_text};
-pub use npy::{npy_bool, npy_depth, npy_f32, npy_flow, npy_u8, npy_u32};
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use npy::{npy_bool, npy_f32, npy_u8, npy_u32};
+#[cfg(not(feature = "internals"))]
+pub(crate) use npy::{npy_bool, npy_f32, npy_u8, npy_u32};
+pub use npy::{npy_depth, npy_flow};
+#[cfg(feature = "internals")]
+#[doc(hidden)]
 pub use picture::{
+    boxes_picture, depth_picture, flow_picture, instance_picture, light_picture, semantic_picture,
+};
+#[cfg(not(feature = "internals"))]
+pub(crate) use picture::{
     boxes_picture, depth_picture, flow_picture, instance_picture, light_picture, semantic_picture,
 };
 

@@ -22,7 +22,7 @@ impl std::fmt::Debug for Bvh {
 
 impl Bvh {
     /// A tree over `triangles`; none at all is allowed.
-    pub fn new(triangles: impl Iterator<Item = [Vec3; 3]>) -> Self {
+    pub(crate) fn new(triangles: impl Iterator<Item = [Vec3; 3]>) -> Self {
         let mut list: Vec<Triangle> =
             triangles.map(|[a, b, c]| Triangle { v0: a.into(), v1: b.into(), v2: c.into() }).collect();
         if list.is_empty() {
@@ -37,7 +37,7 @@ impl Bvh {
     }
 
     /// True when a triangle lies on `origin + t direction` for t in (min, max).
-    pub fn blocked(&self, origin: Vec3, direction: Vec3, min: f32, max: f32) -> bool {
+    pub(crate) fn blocked(&self, origin: Vec3, direction: Vec3, min: f32, max: f32) -> bool {
         let ray = Ray::new(origin.into(), direction.into(), min, max);
         !self.tree.ray_traverse_miss(ray, |ray, id| self.triangles[id].intersect(ray))
     }

@@ -15,7 +15,7 @@ pub(in crate::scene) struct Grid {
 
 impl Grid {
     /// A grid of the rectangles `(low, high, item)`, in their order.
-    pub fn new(cell_m: f32, things: &[(Vec2, Vec2, u16)]) -> Self {
+    pub(crate) fn new(cell_m: f32, things: &[(Vec2, Vec2, u16)]) -> Self {
         let low = things.iter().fold(Vec2::MAX, |m, t| m.min(t.0));
         let high = things.iter().fold(Vec2::MIN, |m, t| m.max(t.1));
         if things.is_empty() {
@@ -41,7 +41,7 @@ impl Grid {
     }
 
     /// What reaches into the cell of `p`.
-    pub fn at(&self, p: Vec2) -> &[u16] {
+    pub(crate) fn at(&self, p: Vec2) -> &[u16] {
         let q = (p - self.low) / self.cell_m;
         // Not a number fails this comparison too.
         if !(q.x >= 0.0 && q.y >= 0.0 && q.x < self.columns as f32 && q.y < self.rows as f32) {

@@ -57,6 +57,7 @@ pub(in crate::scene) enum Material {
 /// Cityscapes has too keep its "train ids".
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
+#[non_exhaustive]
 pub enum Semantic {
     /// Carriageway, its paint included.
     Road = 0,
@@ -147,12 +148,12 @@ impl Semantic {
 
 impl Material {
     /// Seen from both sides.
-    pub fn double_sided(self) -> bool {
+    pub(crate) fn double_sided(self) -> bool {
         matches!(self, Self::Leaves(_) | Self::Sign(_) | Self::Awning(_))
     }
 
     /// The class of a static surface; a vehicle's class comes from the vehicle.
-    pub const fn semantic(self) -> Semantic {
+    pub(crate) const fn semantic(self) -> Semantic {
         match self {
             Self::Road | Self::SideRoad { .. } => Semantic::Road,
             Self::Pavement | Self::Kerb => Semantic::Sidewalk,

@@ -55,28 +55,28 @@ pub(in crate::scene) struct Mesh {
 
 impl Mesh {
     /// The three corners of triangle `index`.
-    pub fn corners(&self, index: usize) -> [&Vertex; 3] {
+    pub(crate) fn corners(&self, index: usize) -> [&Vertex; 3] {
         self.triangles[index].map(|v| &self.vertices[v as usize])
     }
 
     /// The surface of triangle `index`.
-    pub fn surface(&self, index: usize) -> Surface {
+    pub(crate) fn surface(&self, index: usize) -> Surface {
         self.surfaces[self.surface_of[index] as usize]
     }
 
     /// All triangles as corner positions.
-    pub fn soup(&self) -> impl Iterator<Item = [Vec3; 3]> + '_ {
+    pub(crate) fn soup(&self) -> impl Iterator<Item = [Vec3; 3]> + '_ {
         self.triangles.iter().map(|t| t.map(|v| self.vertices[v as usize].position))
     }
 
     /// Starts a new surface; the following triangles belong to it.
-    pub fn surface_begin(&mut self, material: Material) {
+    pub(crate) fn surface_begin(&mut self, material: Material) {
         let double_sided = material.double_sided();
         self.surfaces.push(Surface { material, double_sided });
     }
 
     /// Ends the chunk of everything added since the last call.
-    pub fn chunk_end(&mut self) {
+    pub(crate) fn chunk_end(&mut self) {
         let (v0, t0) = self.open;
         let (v1, t1) = (self.vertices.len() as u32, self.triangles.len() as u32);
         if t1 > t0 {
@@ -92,30 +92,30 @@ impl Mesh {
     }
 
     /// Adds a vertex whose sky visibility is baked later.
-    pub fn vertex(&mut self, position: Vec3, normal: Vec3, uv: Vec2) -> u32 {
+    pub(crate) fn vertex(&mut self, position: Vec3, normal: Vec3, uv: Vec2) -> u32 {
         self.vertex_lit(position, normal, uv, UNBAKED)
     }
 
     /// Adds a vertex with a known sky visibility.
-    pub fn vertex_lit(&mut self, position: Vec3, normal: Vec3, uv: Vec2, sky: f32) -> u32 {
+    pub(crate) fn vertex_lit(&mut self, position: Vec3, normal: Vec3, uv: Vec2, sky: f32) -> u32 {
         self.vertices.push(Vertex { position, normal, uv, sky });
         (self.vertices.len() - 1) as u32
     }
 
     /// Adds a triangle of the current surface, counter-clockwise from outside.
-    pub fn triangle(&mut self, corners: [u32; 3]) {
+    pub(crate) fn triangle(&mut self, corners: [u32; 3]) {
         self.triangles.push(corners);
         self.surface_of.push((self.surfaces.len() - 1) as u32);
     }
 
     /// Two triangles over four corners in order around the quad.
-    pub fn quad_of(&mut self, c: [u32; 4]) {
+    pub(crate) fn quad_of(&mut self, c: [u32; 4]) {
         self.triangle([c[0], c[1], c[2]]);
         self.triangle([c[0], c[2], c[3]]);
     }
 
     /// A flat quad, turned so that it faces along `outward`.
-    pub fn quad(&mut self, p: [Vec3; 4], uv: [Vec2; 4], outward: Vec3) {
+    pub(crate) fn quad(&mut self, p: [Vec3; 4], uv: [Vec2; 4], outward: Vec3) {
         let normal = (p[2] - p[0]).cross(p[3] - p[1]).normalize_or_zero();
         let flip = normal.dot(outward) < 0.0;
         let normal = if flip { -normal } else { normal };
@@ -125,7 +125,7 @@ impl Mesh {
 
     /// A box around `centre` with half extents along three orthogonal axes.
     /// Each face gets coordinates in metres; the bottom is left out.
-    pub fn block(&mut self, centre: Vec3, axes: [Vec3; 3]) {
+    pub(crate) fn block(&mut self, centre: Vec3, axes: [Vec3; 3]) {
         let [a, b, c] = axes;
         for (n, u, v) in [(a, b, c), (-a, b, c), (b, a, c), (-b, a, c), (c, a, b)] {
             let (lu, lv) = (u.length(), v.length());
@@ -145,7 +145,7 @@ impl Mesh {
 
     /// An upright tapered tube with `sides` sides and smooth normals, from
     /// `foot` to `head`, with its end open at the foot and closed at the head.
-    pub fn tube(&mut self, foot: Vec3, head: Vec3, radii: (f32, f32), sides: usize) {
+    pub(crate) fn tube(&mut self, foot: Vec3, head: Vec3, radii: (f32, f32), sides: usize) {
         let along = (head - foot).normalize_or_zero();
         let (x, y) = along.any_orthonormal_pair();
         let length = head.distance(foot);
@@ -171,7 +171,7 @@ impl Mesh {
     /// Gives the open vertices of small things one visibility for all of each
     /// thing, `bake(a point 1 m above its foot)`, shared out by their tilt:
     /// rays for every corner of a pole would cost more than all houses.
-    pub fn bake_small(&mut self, radius: f32, bake: impl Fn(Vec3) -> f32) {
+    pub(crate) fn bake_small(&mut self, radius: f32, bake: impl Fn(Vec3) -> f32) {
         for chunk in self.chunks.iter().filter(|c| c.radius < radius) {
             let vertices = &mut self.vertices[chunk.vertices.start as usize..chunk.vertices.end as usize];
             let foot = vertices.iter().map(|v| v.position.z).fold(f32::MAX, f32::min);
@@ -183,7 +183,7 @@ impl Mesh {
     }
 
     /// Replaces every open sky visibility by `bake(position, normal)`.
-    pub fn bake(&mut self, bake: impl Fn(Vec3, Vec3) -> f32) {
+    pub(crate) fn bake(&mut self, bake: impl Fn(Vec3, Vec3) -> f32) {
         for v in &mut self.vertices {
             if v.sky == UNBAKED {
                 v.sky = bake(v.position, v.normal);

@@ -12,6 +12,7 @@ use crate::scene::world::Scene;
 
 /// One vehicle in one image.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct VehicleBox {
     /// The same vehicle has the same id in all images of a scene; from 1.
     pub track_id: u32,

@@ -12,6 +12,7 @@ use crate::scene::world::Scene;
 
 /// Where the points seen by the pixel centres of one instant lie at another.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Flow {
     /// Pixels in a row.
     pub width: usize,
@@ -120,7 +121,7 @@ impl Scene {
 
 impl Motions {
     /// Displacement in pixels, and the depth at the other end (negative if behind the camera).
-    pub fn at(&self, labels: &Labels, row: usize, column: usize) -> (f32, f32, f32) {
+    pub(crate) fn at(&self, labels: &Labels, row: usize, column: usize) -> (f32, f32, f32) {
         let i = row * labels.width + column;
         let (turn, shift) = self.parts[labels.part[i] as usize];
         let depth = if labels.part[i] == 0 { 1.0 } else { labels.depth_m[i] };

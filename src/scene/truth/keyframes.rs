@@ -17,6 +17,7 @@ const PER_FLICKER: f64 = 24.0;
 
 /// Readouts of an interval and the key frames among them.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct KeyPlan {
     /// Instants of the readouts, `t0 + k / readout_hz`.
     pub readouts: Vec<f64>,

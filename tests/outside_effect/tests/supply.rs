@@ -2,7 +2,7 @@
 
 use outside_effect::WEAK_SUPPLY;
 use spikelane::calibrate::{Protocol, RecordingSet};
-use spikelane::diagnose::{Extent, Options, diagnose};
+use spikelane::diagnose::{DiagnoseOptions, Extent, diagnose};
 use spikelane::effects::{self, Catalogue, Definition};
 use spikelane::simulate::FrameRef;
 use spikelane::{Camera, Geometry, Kind, Seeds, Sensor, Simulator, presets};
@@ -89,7 +89,7 @@ fn a_diagnosis_that_knows_the_effect_finds_it_by_its_name() {
             .unwrap()
     });
     let (camera, effects) = (plain(), catalogue());
-    let mut options = Options::default();
+    let mut options = DiagnoseOptions::default();
     options.camera = Some(&camera);
     options.effects = Some(&effects);
     options.extent = Extent::Everything;

@@ -11,7 +11,7 @@ const MOST_DB: f64 = 144.5;
 
 /// Decibels: a number, or all that can be told of one that is larger.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Decibels {
+pub(crate) enum Decibels {
     Known(f64),
     Above(f64),
 }
@@ -59,7 +59,7 @@ fn average(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
 
 /// What is said of one picture; `None` for what cannot be told of it.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Marks {
+pub(crate) struct Marks {
     psnr: Option<Decibels>,
     ssim: Option<f64>,
     /// Standard deviations of the noise, in the picture's unit; none of pictures of less than about 32x32 pixels.
@@ -68,10 +68,10 @@ pub struct Marks {
     mean: f64,
 }
 
-pub const HEADER: &str = "picture      PSNR, dB    SSIM patches, % differences, %  SNR, dB\n";
+pub(crate) const HEADER: &str = "picture      PSNR, dB    SSIM patches, % differences, %  SNR, dB\n";
 
 impl Marks {
-    pub fn of(rates: &[f32], geometry: Geometry, truth: Option<&Truth>) -> Result<Self> {
+    pub(crate) fn of(rates: &[f32], geometry: Geometry, truth: Option<&Truth>) -> Result<Self> {
         let mut marks = Self {
             // Both refuse small pictures and nothing else here: then there is no estimate.
             patch: patch_noise(rates, geometry).ok(),
@@ -96,7 +96,7 @@ impl Marks {
         self.share(self.patch).map(|share| Decibels::of(-20.0 * share.log10()))
     }
 
-    pub fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         let mut all = Map::new();
         let numbers = [
             ("ssim", self.ssim),
@@ -117,7 +117,7 @@ impl Marks {
         Value::Object(all)
     }
 
-    pub fn row(&self, name: &str) -> String {
+    pub(crate) fn row(&self, name: &str) -> String {
         let number = |v: Option<f64>, n: usize| v.map_or("-".into(), |v| format!("{v:.n$}"));
         let decibels = |v: Option<Decibels>| v.map_or("-".into(), Decibels::text);
         let percent = |v| self.share(v).map(|share| 100.0 * share);
@@ -132,7 +132,7 @@ impl Marks {
     }
 
     /// The mean of several, term by term; noise as a share of its picture's mean.
-    pub fn average(all: &[Self]) -> Self {
+    pub(crate) fn average(all: &[Self]) -> Self {
         let decibels = |f: fn(&Self) -> Option<Decibels>| {
             Decibels::mean(&all.iter().map(f).collect::<Option<Vec<_>>>()?)
         };

@@ -10,7 +10,7 @@ use crate::{Error, Geometry, Kind, Result};
 use serde_json::Value;
 
 /// A clear image, and the rate of its white.
-pub struct Truth {
+pub(crate) struct Truth {
     pub light: Vec<f32>,
     /// In 0 to 1, by the image's own transfer function.
     pub codes: Vec<f32>,
@@ -20,7 +20,7 @@ pub struct Truth {
 }
 
 impl Truth {
-    pub fn read(path: &Path, geometry: Geometry, full: f32, curve: Curve) -> Result<Self> {
+    pub(crate) fn read(path: &Path, geometry: Geometry, full: f32, curve: Curve) -> Result<Self> {
         let frame = read(path, &Linear::new(curve.transfer))?;
         if frame.geometry() != geometry {
             return Err(Error::new(Kind::Input, path.display())
@@ -34,17 +34,17 @@ impl Truth {
     }
 
     /// The codes that the light of these rates has in the clear image.
-    pub fn codes_of(&self, rates: &[f32]) -> Vec<f32> {
+    pub(crate) fn codes_of(&self, rates: &[f32]) -> Vec<f32> {
         rates.iter().map(|r| code(self.transfer, r / self.full)).collect()
     }
 
-    pub fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         // The shortest digits that are this f32, not those of the f64 nearest to it.
         let full = self.full.to_string().parse::<f64>().unwrap_or(self.full.into());
         serde_json::json!({ "transfer": self.transfer.to_string(), "transfer_from": self.from, "full": full })
     }
 
-    pub fn line(&self) -> String {
+    pub(crate) fn line(&self) -> String {
         format!("clear image: transfer {} ({}), white is rate {}", self.transfer, self.from, self.full)
     }
 }
@@ -61,7 +61,7 @@ fn code(transfer: Transfer, light: f32) -> f32 {
 
 /// A transfer function and who says so; `None` leaves it to the kind of file.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Curve {
+pub(crate) struct Curve {
     transfer: Option<Transfer>,
     from: &'static str,
     /// The rate of white, where it is not the camera's.
@@ -72,7 +72,7 @@ impl Curve {
     const DEFAULT: Self = Self { transfer: None, from: "the default", full: None };
 
     /// The same with the transfer function that the user says it has.
-    pub fn or_given(self, transfer: Option<Transfer>) -> Self {
+    pub(crate) fn or_given(self, transfer: Option<Transfer>) -> Self {
         match transfer {
             None => self,
             given => Self { transfer: given, from: "--clear-transfer", ..self },
@@ -81,7 +81,7 @@ impl Curve {
 
     /// What lies beside a stream or a clear image says of the image: the record of a data set's sequence, or a sidecar
     /// whose run kept the image or began with it.
-    pub fn found(stream: &Path, clear: &Path) -> Result<Self> {
+    pub(crate) fn found(stream: &Path, clear: &Path) -> Result<Self> {
         // Images of a sequence may lie in a folder of their own.
         let record = clear.ancestors().skip(1).take(2).find_map(|folder| Record::read(folder).ok());
         if let Some(record) = record {

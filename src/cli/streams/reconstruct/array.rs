@@ -8,11 +8,11 @@ use crate::{Geometry, Result};
 use super::sinks::Sink;
 
 /// (height, width), or (pictures, height, width) of f32, written as they come.
-pub struct Npy(Writer);
+pub(crate) struct Npy(Writer);
 
 impl Npy {
     /// An array of so many pictures; a plain picture without a number.
-    pub fn new(path: &Path, force: bool, geometry: Geometry, pictures: Option<usize>) -> Result<Self> {
+    pub(crate) fn new(path: &Path, force: bool, geometry: Geometry, pictures: Option<usize>) -> Result<Self> {
         let (h, w) = (geometry.height(), geometry.width());
         let shape = pictures.map_or_else(|| format!("({h}, {w})"), |n| format!("({n}, {h}, {w})"));
         let header = header(&shape);

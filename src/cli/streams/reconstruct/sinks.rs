@@ -63,7 +63,7 @@ pub(super) struct Folder {
 }
 
 impl Folder {
-    pub fn new(path: PathBuf, force: bool, shown: Shown) -> Result<Self> {
+    pub(crate) fn new(path: PathBuf, force: bool, shown: Shown) -> Result<Self> {
         std::fs::create_dir_all(&path).map_err(|e| Error::io(path.display(), e))?;
         let mut entries = std::fs::read_dir(&path).map_err(|e| Error::io(path.display(), e))?;
         if !force && entries.next().is_some() {
