@@ -59,7 +59,7 @@ impl Lamp {
 pub struct CalibrateOptions {
     /// Share of the first increment after a spike that the reset loses.
     pub lost_increment: f64,
-    /// Relative standard deviation of every light level; `None` takes what the set states, else [`LIGHT_UNCERTAINTY`].
+    /// Relative standard deviation of every light level; `None` takes what the set states, else a hundredth.
     pub light_uncertainty: Option<f64>,
     /// When the threshold noise is redrawn; `None` asks the data.
     pub redrawn: Option<Redrawn>,

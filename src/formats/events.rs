@@ -24,7 +24,7 @@ pub const EVENTS: &str = "events";
 ///
 /// # Errors
 /// [`Kind::Usage`] when the range or the crop leave the stream, or a readout does not fit in 31 bits;
-/// [`Kind::Exists`], [`Kind::Space`] and others as [`Writer::create`]; those of the reader and of `progress`, which
+/// [`Kind::Exists`], [`Kind::Space`] and others as [`StreamWriter::create`](super::StreamWriter::create); those of the reader and of `progress`, which
 /// hears how many readouts are written.
 pub fn write_events(
     reader: &Reader,

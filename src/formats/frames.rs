@@ -41,7 +41,7 @@ impl Reader {
     /// The frames of `readouts`, one at a time, in constant memory.
     ///
     /// # Errors
-    /// [`Kind::Usage`] when they are not all in the stream.
+    /// [`Kind::Usage`](crate::Kind::Usage) when they are not all in the stream.
     pub fn frames(&self, readouts: Range<usize>) -> Result<Frames<'_>> {
         self.check(&readouts)?;
         Ok(Frames {

@@ -173,7 +173,7 @@ impl Reader {
     ///
     /// # Errors
     /// [`Kind::Usage`] when they are not all in the stream, or `packed` holds no whole
-    /// number of frames; [`Kind::Input`] as [`Codec::decode`].
+    /// number of frames; [`Kind::Input`] as [`Layout::decode_frame`].
     pub fn read_frames(&self, first: usize, packed: &mut [u8]) -> Result<()> {
         let size = self.geometry().frame_bytes();
         let end = first.saturating_add(packed.len() / size);

@@ -66,7 +66,7 @@ impl StreamWriter {
     ///
     /// # Errors
     /// [`Kind::Usage`] for zero readouts or a geometry the layout does not hold;
-    /// [`Kind::Exists`], [`Kind::Space`] and others as [`Writer::create`].
+    /// [`Kind::Exists`], [`Kind::Space`] and others of the system.
     pub fn create(
         path: &Path,
         layout: Layout,
@@ -209,7 +209,7 @@ impl StreamWriter {
     ///
     /// # Errors
     /// [`Kind::Usage`] when frames are missing (nothing is left behind then);
-    /// otherwise as [`Writer::finish`].
+    /// otherwise what the system says of the last bytes and the name.
     pub fn finish(mut self) -> Result<Finished> {
         if self.growing && self.written > 0 {
             self.settle()?;

@@ -27,7 +27,7 @@ impl Pace {
         !said && source.times().is_none() && source.rate().is_none()
     }
 
-    /// The timeline: readouts per frame, a rate, the source's times, its rate, or [`READOUTS_PER_FRAME`], whichever is
+    /// The timeline: readouts per frame, a rate, the source's times, its rate, or 20 readouts for each frame, whichever is
     /// there first.
     ///
     /// # Errors

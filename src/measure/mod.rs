@@ -163,7 +163,7 @@ impl Accumulator {
     ///
     /// # Errors
     /// When the frames are of another size, or the stream becomes longer than
-    /// [`MAX_READOUTS`]; nothing of the batch is taken then.
+    /// 2^28 readouts; nothing of the batch is taken then.
     pub fn push(&mut self, frames: Packed<'_>) -> Result<()> {
         if frames.geometry() != self.geometry {
             return Err(Error::new(Kind::Input, "frames to measure")

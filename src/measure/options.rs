@@ -10,15 +10,15 @@ use crate::spikes::Geometry;
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct MeasureOptions {
-    /// Measure [`Counts`].
+    /// Measure [`Counts`](super::Counts).
     pub counts: bool,
-    /// Measure [`Frames`]; needs all rows.
+    /// Measure [`Frames`](super::Frames); needs all rows.
     pub frames: bool,
-    /// Whether [`Frames`] holds the halves of rows and columns.
+    /// Whether [`Frames`](super::Frames) holds the halves of rows and columns.
     pub halves: bool,
-    /// Measure [`Intervals`].
+    /// Measure [`Intervals`](super::Intervals).
     pub intervals: bool,
-    /// Lags of `D(n)` in intervals, 1 to [`LONGEST_LAG`]; 1 is always there.
+    /// Lags of `D(n)` in intervals, 1 to 64; 1 is always there.
     pub lags: Vec<u32>,
     /// The longest interval with a bin of its own in the histogram.
     pub longest_bin: u32,

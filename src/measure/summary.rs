@@ -20,7 +20,7 @@ const TILE: usize = 16;
 #[cfg_attr(feature = "files", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct Defects {
-    /// Never fired where that is impossible for a pixel at half the rate of its neighbours: see [`super::silence_is_impossible`].
+    /// Never fired where that is impossible for a pixel at half the rate of its neighbours.
     pub dead: Vec<usize>,
     /// Fired at every readout (stuck, or saturated).
     pub stuck: Vec<usize>,
@@ -68,9 +68,9 @@ pub struct Summary {
     pub phase_noise: Option<PhaseNoise>,
     /// Defect pixels.
     pub defects: Defects,
-    /// Neighbour correlations of the pattern: see [`pattern_correlations`].
+    /// Neighbour correlations of the pattern.
     pub correlations: Correlations,
-    /// First column, last column, first row, last row: see [`borders`].
+    /// First column, last column, first row, last row.
     pub borders: [Estimate; 4],
 }
 

@@ -124,7 +124,7 @@ impl Plan {
     ///
     /// # Errors
     /// When the camera's parameters contradict each other, or the fixed point
-    /// cannot hold them within [`Bounds`].
+    /// cannot hold them within `Bounds`.
     pub fn with_light(camera: &Camera, seeds: Seeds, greatest_light: f64) -> Result<Self> {
         if !(greatest_light.is_finite() && greatest_light >= 0.0) {
             return Err(Error::new(Kind::Usage, "greatest light")

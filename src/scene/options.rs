@@ -49,7 +49,7 @@ impl SceneOptions {
     /// Refuses what no seed could make a scene of, without building one.
     ///
     /// # Errors
-    /// As [`Scene::random`]; a drive at the speed that a seed chooses may still be too long.
+    /// As [`Scene::random`](super::Scene::random); a drive at the speed that a seed chooses may still be too long.
     pub fn check(&self) -> Result<()> {
         check(self, self.speed_kmh.unwrap_or(SLOWEST_KMH), self.fov_deg.unwrap_or(60.0)).map(drop)
     }

@@ -151,7 +151,7 @@ impl Layout {
     ///
     /// # Errors
     /// [`Kind::Usage`] when the layout does not hold the geometry, or a slice has
-    /// the wrong length. For many frames use a [`Codec`].
+    /// the wrong length. For many frames use a [`StreamWriter`](crate::formats::StreamWriter).
     pub fn encode_frame(self, geometry: Geometry, packed: &[u8], file: &mut [u8]) -> Result<()> {
         Codec::new(self, geometry)?.encode(packed, file)
     }

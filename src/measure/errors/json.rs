@@ -24,7 +24,7 @@ impl Recording {
     /// Works out everything that is told.
     ///
     /// # Errors
-    /// As [`summarise`] and [`frame_total_lines`].
+    /// As [`summarise`], and where the spectrum of the totals cannot be told.
     pub fn said(&self) -> Result<Said> {
         Ok(Said {
             summary: summarise(&self.statistics)?,
