@@ -71,6 +71,9 @@ impl Runner<'_> {
         if !self.here("python:numpy") {
             return self.skip(block, "it needs numpy, which is not here");
         }
+        if let Some(missing) = block.needs().iter().find(|what| !self.here(what)) {
+            return self.skip(block, &format!("it needs {missing}, which is not here"));
+        }
         let mut python = Command::new("python3");
         python.args(["-c", &block.text]);
         self.run(block, python);
