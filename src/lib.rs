@@ -51,8 +51,6 @@ pub mod error;
 pub mod formats;
 mod interpolation;
 pub mod light;
-#[cfg(feature = "files")]
-pub mod live;
 pub mod measure;
 pub mod pixel;
 #[cfg(feature = "presets")]
@@ -87,6 +85,11 @@ mod draws;
 pub mod kernels;
 #[cfg(not(feature = "internals"))]
 mod kernels;
+#[cfg(all(feature = "files", feature = "internals"))]
+#[doc(hidden)]
+pub mod live;
+#[cfg(all(feature = "files", not(feature = "internals")))]
+mod live;
 #[cfg(all(feature = "presets", feature = "internals"))]
 #[doc(hidden)]
 pub mod npy;

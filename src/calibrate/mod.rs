@@ -54,7 +54,11 @@ pub use sets::protocol::Protocol;
 pub use sets::protocol::{Precision, predict};
 #[cfg(not(feature = "internals"))]
 pub(crate) use sets::protocol::{Precision, predict};
+#[cfg(feature = "internals")]
+#[doc(hidden)]
 pub use sets::published_maps::import_maps;
+#[cfg(not(feature = "internals"))]
+pub(crate) use sets::published_maps::import_maps;
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub use sets::recordings::UNTOLD;

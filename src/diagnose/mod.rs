@@ -23,7 +23,12 @@ pub use answer::diagnosis::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Trac
 pub use answer::page::page;
 pub use answer::pictures::{Picture, Trace};
 pub use null::limits::Limits;
-pub use null::nameable::{Nameable, SCORE};
+pub use null::nameable::Nameable;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use null::nameable::SCORE;
+#[cfg(not(feature = "internals"))]
+pub(crate) use null::nameable::SCORE;
 pub use null::reference::{Progress, Reference};
 pub use protocol::extent::{Extent, Part};
 pub use protocol::recorded::Scene as Recorded;

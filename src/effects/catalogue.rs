@@ -104,6 +104,14 @@ fn check_values(param: &Param) -> Result<()> {
         .expected(format_args!("values in a finite range, within {}", param.range())))
 }
 
+/// The effect of this library that is called `name`.
+///
+/// # Errors
+/// When there is none; the error lists those there are.
+pub fn find(name: &str) -> Result<&'static Definition> {
+    Catalogue::new().find(name)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -18,13 +18,11 @@ mod tried;
 mod window;
 
 pub use camera::{Camera, Maps};
-pub use catalogue::Catalogue;
+pub use catalogue::{Catalogue, find};
 pub use circuit::Circuit;
 pub use definition::{Definition, Events, Moments, Operating, Param, Tried};
 pub use effect::Effect;
 pub use model::{Model, Phases};
-
-use crate::error::Result;
 
 macro_rules! effects {
     ($($name:ident),* $(,)?) => {
@@ -74,11 +72,3 @@ effects![
     dropped_readouts,
     repeated_readouts,
 ];
-
-/// The effect of this library that is called `name`.
-///
-/// # Errors
-/// When there is none; the error lists those there are.
-pub fn find(name: &str) -> Result<&'static Definition> {
-    Catalogue::new().find(name)
-}

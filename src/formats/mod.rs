@@ -44,4 +44,4 @@ pub(crate) use sidecar::candidates as sidecar_paths;
 pub use writer::{Finished, StreamWriter};
 
 pub use crate::spikes::Crop;
-pub use crate::storage::{Digest, refuse_existing, write_small};
+pub use crate::storage::{refuse_existing, write_small};

@@ -45,7 +45,12 @@ use crate::error::{Error, Kind, Result};
 use crate::spikes::{Geometry, Packed};
 use block::Block;
 
-pub use counts::{Counts, NEVER, Pair};
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use counts::NEVER;
+#[cfg(not(feature = "internals"))]
+pub(crate) use counts::NEVER;
+pub use counts::{Counts, Pair};
 #[cfg(all(feature = "files", feature = "threads", feature = "internals"))]
 #[doc(hidden)]
 pub use errors::{MEANING, Motion, Recorder};

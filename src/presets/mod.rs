@@ -79,7 +79,7 @@ pub(crate) const FORMATS: &[Format] = &[
 ///
 /// # Errors
 /// Never, in practice: the numbers are valid.
-pub fn default_sensor() -> Result<Sensor> {
+pub(crate) fn default_sensor() -> Result<Sensor> {
     Sensor::new(FORMATS[0].size.0, FORMATS[0].size.1, FORMATS[0].readout_hz)
 }
 

@@ -12,7 +12,12 @@ mod quality;
 mod span;
 mod window;
 
-pub use intervals::{Tfi, isi_map, tfi, tfi_at};
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use intervals::isi_map;
+#[cfg(not(feature = "internals"))]
+pub(crate) use intervals::isi_map;
+pub use intervals::{Tfi, tfi, tfi_at};
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub use noise::{difference_noise, patch_noise};
@@ -20,7 +25,12 @@ pub use noise::{difference_noise, patch_noise};
 pub(crate) use noise::{difference_noise, patch_noise};
 pub use quality::{psnr, ssim};
 pub use span::span;
-pub use window::{TfpSequence, tfp};
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use window::TfpSequence;
+#[cfg(not(feature = "internals"))]
+pub(crate) use window::TfpSequence;
+pub use window::tfp;
 
 use crate::error::{Error, Kind, Result};
 use crate::spikes::Packed;

@@ -3,13 +3,11 @@
 #[cfg(feature = "files")]
 mod ahead;
 #[cfg(feature = "files")]
+mod clear;
+#[cfg(feature = "files")]
 mod feed;
 mod frame;
 mod frames;
-#[cfg(feature = "files")]
-mod images;
-#[cfg(feature = "files")]
-mod looks;
 #[cfg(feature = "threads")]
 mod pool;
 #[cfg(feature = "files")]
@@ -17,7 +15,7 @@ mod readouts;
 #[cfg(feature = "files")]
 mod run;
 #[cfg(feature = "files")]
-pub mod saved;
+mod saved;
 mod segments;
 #[cfg(feature = "files")]
 mod sidecar;
@@ -32,33 +30,36 @@ pub use crate::kernels::Samples;
 pub use ahead::Ahead;
 #[cfg(all(feature = "files", not(feature = "internals")))]
 pub(crate) use ahead::Ahead;
-pub use frame::FrameRef;
 #[cfg(all(feature = "files", feature = "internals"))]
 #[doc(hidden)]
-pub use images::ImageFile;
+pub use clear::images::ImageFile;
 #[cfg(all(feature = "files", not(feature = "internals")))]
-pub(crate) use images::ImageFile;
+pub(crate) use clear::images::ImageFile;
 #[cfg(all(feature = "files", feature = "internals"))]
 #[doc(hidden)]
-pub use images::linear_png;
+pub use clear::images::linear_png;
 #[cfg(all(feature = "files", not(feature = "internals")))]
-pub(crate) use images::linear_png;
+pub(crate) use clear::images::linear_png;
 #[cfg(feature = "files")]
-pub use images::{ImageFacts, ImageForm};
+pub use clear::images::{ImageFacts, ImageForm};
 #[cfg(all(feature = "files", feature = "internals"))]
 #[doc(hidden)]
-pub use looks::light_at;
+pub use clear::looks::light_at;
 #[cfg(all(feature = "files", not(feature = "internals")))]
-pub(crate) use looks::light_at;
+pub(crate) use clear::looks::light_at;
 #[cfg(all(feature = "files", feature = "internals"))]
 #[doc(hidden)]
-pub use looks::{Glance, Looks};
+pub use clear::looks::{Glance, Looks};
 #[cfg(all(feature = "files", not(feature = "internals")))]
-pub(crate) use looks::{Glance, Looks};
+pub(crate) use clear::looks::{Glance, Looks};
+pub use frame::FrameRef;
 #[cfg(feature = "threads")]
 pub use pool::Pool;
-#[cfg(feature = "files")]
+#[cfg(all(feature = "files", feature = "internals"))]
+#[doc(hidden)]
 pub use readouts::Readouts;
+#[cfg(all(feature = "files", not(feature = "internals")))]
+pub(crate) use readouts::Readouts;
 #[cfg(all(feature = "files", feature = "internals"))]
 #[doc(hidden)]
 pub use run::run_looking;

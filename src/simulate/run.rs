@@ -11,8 +11,8 @@ use crate::kernels::{Backend, Segment};
 use crate::light::{Frame, OwnedSamples, Source, Timeline};
 use crate::plan::Plan;
 use crate::simulate::Simulator;
+use crate::simulate::clear::looks::{Glance, Glances, Looks};
 use crate::simulate::feed::{self, Feeder, Piece};
-use crate::simulate::looks::{Glance, Glances, Looks};
 use crate::simulate::writing::{self, Stream, Writing};
 
 /// Readouts between two writes: two of the simulator's batches.

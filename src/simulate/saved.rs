@@ -10,44 +10,46 @@ const MAGIC: &[u8; 8] = b"spkrun01";
 /// After the magic, 64-bit words, little-endian: the camera's key, its three seeds, the greatest light.
 const HEADER: usize = 8 + 5 * 8;
 
-/// All that `simulator` remembers, and what it belongs to; [`restore`] goes on from it. `camera` is the
-/// [`crate::presets::key`] of the camera's bytes.
-#[must_use]
-pub fn save(simulator: &Simulator, camera: u64) -> Vec<u8> {
-    let mut bytes = header(simulator, camera);
-    bytes.extend(simulator.state().to_bytes());
-    bytes
-}
+impl Simulator {
+    /// All that it remembers, and what that belongs to; [`Simulator::restore`] goes on from it. `camera` is the
+    /// [`crate::presets::key`] of the camera's bytes.
+    #[must_use]
+    pub fn save(&self, camera: u64) -> Vec<u8> {
+        let mut bytes = header(self, camera);
+        bytes.extend(self.state().to_bytes());
+        bytes
+    }
 
-/// Goes on from bytes of [`save`], with the same bits.
-///
-/// # Errors
-/// [`Kind::Usage`] for bytes of another version, camera, seeds or greatest light, [`Kind::Input`] for damaged
-/// ones; nothing has changed then.
-pub fn restore(simulator: &mut Simulator, camera: u64, bytes: &[u8]) -> Result<()> {
-    let bad = |found: &str| {
-        Error::new(Kind::Usage, "saved state")
-            .found(found)
-            .expected("a state of this camera and these seeds")
-            .remedy("make the simulator with the same arguments")
-    };
-    let header = header(simulator, camera);
-    if !bytes.starts_with(MAGIC) || bytes.len() < HEADER {
-        let version = bytes.starts_with(&MAGIC[..6]);
-        return Err(bad(if version { "a state of another version" } else { "other bytes" }));
-    }
-    let (own, rest) = bytes.split_at(HEADER);
-    for (part, found) in [
-        (8..16, "a state of another camera"),
-        (16..40, "a state of other seeds"),
-        (40..HEADER, "a state for another greatest light"),
-    ] {
-        if own[part.clone()] != header[part] {
-            return Err(bad(found));
+    /// Goes on from bytes of [`Simulator::save`], with the same bits.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] for bytes of another version, camera, seeds or greatest light, [`Kind::Input`] for damaged
+    /// ones; nothing has changed then.
+    pub fn restore(&mut self, camera: u64, bytes: &[u8]) -> Result<()> {
+        let bad = |found: &str| {
+            Error::new(Kind::Usage, "saved state")
+                .found(found)
+                .expected("a state of this camera and these seeds")
+                .remedy("make the simulator with the same arguments")
+        };
+        let header = header(self, camera);
+        if !bytes.starts_with(MAGIC) || bytes.len() < HEADER {
+            let version = bytes.starts_with(&MAGIC[..6]);
+            return Err(bad(if version { "a state of another version" } else { "other bytes" }));
         }
+        let (own, rest) = bytes.split_at(HEADER);
+        for (part, found) in [
+            (8..16, "a state of another camera"),
+            (16..40, "a state of other seeds"),
+            (40..HEADER, "a state for another greatest light"),
+        ] {
+            if own[part.clone()] != header[part] {
+                return Err(bad(found));
+            }
+        }
+        let state = State::from_bytes(rest, &self.plan().start())?;
+        self.resume(state)
     }
-    let state = State::from_bytes(rest, &simulator.plan().start())?;
-    simulator.resume(state)
 }
 
 fn header(simulator: &Simulator, camera: u64) -> Vec<u8> {

@@ -18,7 +18,7 @@ use crate::error::{Error, Kind, Result};
 
 /// The largest number of pixels of a sensor: addresses of draws are 32 bits
 /// per pair of pixels, and 2^28 pixels are already sixty times the largest camera.
-pub const MAX_PIXELS: usize = 1 << 28;
+pub(crate) const MAX_PIXELS: usize = 1 << 28;
 
 /// Width and height of a sensor in pixels, `width x height` in all texts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -38,7 +38,7 @@ impl Geometry {
     /// ```
     ///
     /// # Errors
-    /// When a side is zero, or the sensor has more than [`MAX_PIXELS`].
+    /// When a side is zero, or the sensor has more than 2^28 pixels.
     pub fn new(width: u32, height: u32) -> Result<Self> {
         let pixels = u64::from(width) * u64::from(height);
         if pixels == 0 || pixels > MAX_PIXELS as u64 {

@@ -2,7 +2,7 @@
 #![forbid(unsafe_code)]
 
 use spikelane::light::{Insertion, Timeline};
-use spikelane::simulate::{FrameRef, Pool, saved};
+use spikelane::simulate::{FrameRef, Pool};
 use spikelane::{Backend, Geometry, Plan, Result, Seeds, presets};
 
 use crate::camera::Camera;
@@ -63,11 +63,11 @@ impl Simulator {
     }
 
     pub fn state(&self) -> Vec<u8> {
-        saved::save(&self.inner, self.camera)
+        self.inner.save(self.camera)
     }
 
     pub fn restore(&mut self, bytes: &[u8]) -> Result<()> {
-        saved::restore(&mut self.inner, self.camera, bytes)
+        self.inner.restore(self.camera, bytes)
     }
 
     /// Threads do not survive a fork: a child process gets its own.

@@ -6,7 +6,7 @@ use numpy::{PyArrayDyn, PyArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use spikelane::light::{Insertion, Timeline};
-use spikelane::simulate::{Pool, saved};
+use spikelane::simulate::Pool;
 use spikelane::{Backend, Seeds, spikes};
 
 use crate::arrays::{Light, buffer, zeros};
@@ -200,7 +200,7 @@ impl Simulator {
     /// All that the camera remembers, and what it belongs to, as bytes for `restore`.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let inner = self.lock()?;
-        let bytes = saved::save(&inner.simulator, self.camera.inner.key);
+        let bytes = inner.simulator.save(self.camera.inner.key);
         Ok(PyBytes::new(py, &bytes))
     }
 
@@ -209,7 +209,7 @@ impl Simulator {
     /// Raises SpikelaneError for bytes of another version, camera, seeds or greatest light; nothing has changed then.
     fn restore(&self, state: &[u8]) -> PyResult<()> {
         let mut inner = self.lock()?;
-        saved::restore(&mut inner.simulator, self.camera.inner.key, state).or_raise()
+        inner.simulator.restore(self.camera.inner.key, state).or_raise()
     }
 
     /// Begins another recording of the same camera, at readout 0: far quicker than a new simulator. `sequence` and

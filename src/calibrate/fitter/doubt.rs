@@ -4,7 +4,13 @@
 //! may both be right, and so may another two: the posterior of the scale then has two summits, and the error has to hold both. It is
 //! summed on a grid of lines, and its root mean square about the chosen line is the error where it is the wider one.
 
-use super::lamps::Stated;
+/// A lit level, or the dark: its value as the recordings have it, as it was stated, and the standard deviation of what was stated.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stated {
+    pub(super) found: f64,
+    pub(super) light: f64,
+    pub(super) sd: f64,
+}
 
 /// Prior share of lamps that are off.
 const OFF: f64 = 0.1;
@@ -60,39 +66,4 @@ fn log_density(l: &Stated, scale: f64, shift: f64) -> f64 {
     // Beyond that range little is left, but not nothing: a set that has such a lamp still has a best line.
     let off = l.sd / (2.0 * FURTHEST * l.light) * if within { 1.0 } else { 1e-6 };
     ((1.0 - OFF) * right + OFF * off).ln()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::lamps::align;
-    use super::*;
-
-    /// Lamps of 1 %, found off by so many per cent, and the dark.
-    fn with_dark(off: &[f64]) -> Vec<Stated> {
-        let dark = Stated { found: 0.0, light: 0.0, sd: 1e-12 };
-        let lit = off.iter().enumerate().map(|(k, e)| {
-            let light = 0.2 + 0.1 * k as f64;
-            Stated { found: light * (1.0 + e / 100.0), light, sd: 0.01 * light }
-        });
-        std::iter::once(dark).chain(lit).collect()
-    }
-
-    #[test]
-    fn two_pairs_of_lamps_that_agree_alike_are_both_held_by_the_error() {
-        // The first two are right, or the last two.
-        let found = align(&with_dark(&[1.8, -1.7, -5.1])).unwrap();
-        assert!(found.told && (found.scale - 1.0).abs() < 2.0 * found.scale_error, "{found:?}");
-    }
-
-    #[test]
-    fn lamps_that_agree_have_the_error_of_their_mean() {
-        let found = align(&with_dark(&[0.6, -0.4, -0.9, 1.2])).unwrap();
-        assert!((0.005..0.0057).contains(&found.scale_error), "{found:?}");
-    }
-
-    #[test]
-    fn a_lamp_that_is_plainly_off_widens_little() {
-        let found = align(&with_dark(&[0.6, -0.4, -0.9, 8.0])).unwrap();
-        assert!((0.0057..0.0068).contains(&found.scale_error), "{found:?}");
-    }
 }

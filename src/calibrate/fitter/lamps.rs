@@ -7,7 +7,7 @@
 //! are if `h >= (n + p + 1) / 2` (Rousseeuw and Leroy 1987, section 3.4). With the dark `p` is 1, and three lit levels suffice for one
 //! that is wrong; without it `p` is 2, and it takes four.
 
-use super::doubt::doubt;
+use super::doubt::{Stated, doubt};
 use crate::calibrate::formulas::solve::solve;
 
 /// A level that is further from the line of the others, in its stated deviations, is named. Of levels that are as good as stated one in
@@ -16,14 +16,6 @@ const FAR: f64 = 3.5;
 
 /// An error that is so many times that of the believed levels is told.
 const DOUBTFUL: f64 = 1.5;
-
-/// A lit level, or the dark: its value as the recordings have it, as it was stated, and the standard deviation of what was stated.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Stated {
-    pub(super) found: f64,
-    pub(super) light: f64,
-    pub(super) sd: f64,
-}
 
 /// How found levels become light: `scale * found + shift`.
 #[derive(Clone, Debug)]
@@ -181,5 +173,34 @@ mod tests {
     fn where_half_of_the_levels_disagree_with_the_others_nothing_is_chosen() {
         let off = [0.0, 0.0, 0.0, 0.1, 0.1];
         assert!(align(&levels(&[0.0, 0.1, 0.3, 0.5, 0.8], &off, 0.0)).is_none());
+    }
+
+    /// Lamps of 1 %, found off by so many per cent, and the dark.
+    fn with_dark(off: &[f64]) -> Vec<Stated> {
+        let dark = Stated { found: 0.0, light: 0.0, sd: 1e-12 };
+        let lit = off.iter().enumerate().map(|(k, e)| {
+            let light = 0.2 + 0.1 * k as f64;
+            Stated { found: light * (1.0 + e / 100.0), light, sd: 0.01 * light }
+        });
+        std::iter::once(dark).chain(lit).collect()
+    }
+
+    #[test]
+    fn two_pairs_of_lamps_that_agree_alike_are_both_held_by_the_error() {
+        // The first two are right, or the last two.
+        let found = align(&with_dark(&[1.8, -1.7, -5.1])).unwrap();
+        assert!(found.told && (found.scale - 1.0).abs() < 2.0 * found.scale_error, "{found:?}");
+    }
+
+    #[test]
+    fn lamps_that_agree_have_the_error_of_their_mean() {
+        let found = align(&with_dark(&[0.6, -0.4, -0.9, 1.2])).unwrap();
+        assert!((0.005..0.0057).contains(&found.scale_error), "{found:?}");
+    }
+
+    #[test]
+    fn a_lamp_that_is_plainly_off_widens_little() {
+        let found = align(&with_dark(&[0.6, -0.4, -0.9, 8.0])).unwrap();
+        assert!((0.0057..0.0068).contains(&found.scale_error), "{found:?}");
     }
 }

@@ -5,7 +5,8 @@
 
 use rayon::prelude::*;
 
-use super::lamps::{Alignment, Stated, align};
+use super::doubt::Stated;
+use super::lamps::{Alignment, align};
 use super::state::{Fitter, Point};
 use crate::calibrate::formulas::fit::fit_line;
 use crate::calibrate::formulas::solve::solve;

@@ -15,6 +15,13 @@ const EXAMPLES: &[(&str, [&str; 2])] = &[
         "simulate",
         ["simulate lake.mp4 -o out/lake --clean", "simulate photo.png -o out/photo --readouts 4000"],
     ),
+    (
+        "live",
+        [
+            "live --source chart --readouts 2000 --sink pipe > chart.dat",
+            "live photo.png --sink tcp:localhost:9000 --block",
+        ],
+    ),
     ("inspect", ["inspect out/lake.dat", "inspect camera.dat --width 400 --height 250 --png look.png"]),
     (
         "convert",

@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::scatter::Scatter;
+use super::scatter::{Scatter, gap};
 use super::values::Quantity;
 use crate::error::Result;
 use crate::formats::Reader;
@@ -24,21 +24,6 @@ pub struct Recording {
     /// The whole.
     pub statistics: Statistics,
     pub(super) scatter: Scatter,
-}
-
-/// Readouts of a quarter that belong to no part: the last fourth of it.
-fn gap(quarter: usize) -> usize {
-    quarter / 4
-}
-
-/// Readouts of a half of so many.
-pub(super) fn half_readouts(readouts: usize) -> usize {
-    2 * (readouts / 4) - gap(readouts / 4)
-}
-
-/// Readouts of a quarter of so many.
-pub(super) fn quarter_readouts(readouts: usize) -> usize {
-    readouts / 4 - gap(readouts / 4)
 }
 
 /// Takes the readouts of a recording of known length.

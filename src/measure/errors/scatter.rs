@@ -1,7 +1,6 @@
 //! From differences of parts to the error of the whole.
 
 use super::clusters::{clustered, widened};
-use super::parts::{half_readouts, quarter_readouts};
 use super::values::{Quantity, mean};
 use crate::measure::Statistics;
 use crate::spikes::Geometry;
@@ -11,6 +10,21 @@ const LEAST: usize = 16;
 
 /// Quarters that scatter by this ratio of variances (three degrees against some fourteen) do so by chance once in a thousand times.
 const TOGETHER: f64 = 9.7;
+
+/// Readouts of a quarter that belong to no part: the last fourth of it.
+pub(super) fn gap(quarter: usize) -> usize {
+    quarter / 4
+}
+
+/// Readouts of a half of so many.
+pub(super) fn half_readouts(readouts: usize) -> usize {
+    2 * (readouts / 4) - gap(readouts / 4)
+}
+
+/// Readouts of a quarter of so many.
+fn quarter_readouts(readouts: usize) -> usize {
+    readouts / 4 - gap(readouts / 4)
+}
 
 /// How one statistic differs between parts.
 #[derive(Clone, Debug)]

@@ -18,7 +18,7 @@ pub fn exr(rgb: &[[f32; 3]], width: usize, height: usize) -> Result<Vec<u8>> {
 ///
 /// # Errors
 /// [`Kind::Usage`](crate::Kind::Usage).
-pub fn can_write_exr() -> Result<()> {
+pub(crate) fn can_write_exr() -> Result<()> {
     Error::require("EXR pictures", "exr", cfg!(feature = "exr"))
 }
 

@@ -11,7 +11,8 @@ mod npy;
 mod picture;
 
 pub use coco::Coco;
-pub use exr::{can_write_exr, exr};
+pub(crate) use exr::can_write_exr;
+pub use exr::exr;
 pub use flo::flo;
 pub use kitti::{kitti_depth, kitti_flow, kitti_line, kitti_text};
 #[cfg(feature = "internals")]

@@ -26,7 +26,7 @@ pub struct Looks<'a> {
 
 impl Looks<'_> {
     /// Passes on the readouts wanted of a batch that began with readout `first`.
-    pub(super) fn batch(&mut self, first: u64, pieces: &[Piece]) -> Result<()> {
+    pub(in crate::simulate) fn batch(&mut self, first: u64, pieces: &[Piece]) -> Result<()> {
         let mut start = first;
         for piece in pieces {
             let end = start + piece.readouts as u64;
@@ -64,7 +64,7 @@ pub fn light_at(source: &mut dyn Source, timeline: Timeline, readout: u64) -> Re
 
 /// Keeps the light in the middle of a run. Where the end is not known, of the readouts at powers of two
 /// the last two are enough, since one lies within a third of the middle.
-pub(super) struct Glances {
+pub(in crate::simulate) struct Glances {
     wanted: u64,
     known: bool,
     kept: [Glance; 2],
