@@ -8,3 +8,5 @@ for features in "" presets files files,threads; do
 done
 echo "features: cli, the program without exr and snee"
 cargo clippy -q --bin spikelane --no-default-features --features cli -- -D warnings
+echo "what others see: every member without the feature that this crate's own tests turn on"
+cargo clippy -q --workspace --lib --bins -- -D warnings

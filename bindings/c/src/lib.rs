@@ -19,8 +19,7 @@ use std::ffi::{CStr, c_char};
 use std::path::Path;
 use std::sync::Arc;
 
-use spikelane::kernels::Samples;
-use spikelane::simulate::FrameRef;
+use spikelane::simulate::{FrameRef, Samples};
 use spikelane::{Geometry, Result, Seeds, presets, spikes};
 
 use camera::Camera;
