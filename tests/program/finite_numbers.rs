@@ -109,6 +109,7 @@ fn without_input() -> Vec<String> {
         "dataset -o drives --dry-run --resume --sequences 1 --images 3 --width 32 --height 20",
         "simulate --source objects -o objects --width 32 --height 20 --readouts 10 --force",
         "simulate --source chart -o chart --width 32 --height 20 --readouts 10 --force",
+        "live --source chart --readouts 60 --width 32 --height 20 --sink shm:./ring",
         "evaluate drives",
         "preset list",
         "preset show physical",
