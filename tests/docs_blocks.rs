@@ -31,6 +31,7 @@ runs! {
     guide_own_data_set: "docs/guides/own-data-set.md", FRAMES = "2", SEQUENCES = "2", IMAGES = "4";
     reference_features: "docs/reference/features.md";
     reference_formats: "docs/reference/formats.md";
+    reference_live: "docs/reference/live.md";
     reference_measure: "docs/reference/measure.md", READOUTS = "500";
     reference_recordings: "docs/reference/recordings.md";
     why_calibration: "docs/why/calibration.md";

@@ -70,9 +70,9 @@ pub struct Counts {
     pub(super) readouts: u32,
     /// Spikes.
     pub count: Vec<u32>,
-    /// Readout of the first spike, or [`NEVER`].
+    /// Readout of the first spike, or `u32::MAX` without one.
     pub first: Vec<u32>,
-    /// Readout of the last spike, or [`NEVER`].
+    /// Readout of the last spike, or `u32::MAX` without one.
     pub last: Vec<u32>,
     /// Coincidences with a neighbour, by [`Pair`] in the order of
     /// [`Pair::ALL`]; zero where there is no such neighbour.

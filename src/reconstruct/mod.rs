@@ -2,7 +2,7 @@
 //!
 //! A stream tells how bright a pixel is in three ways: how many spikes fall into a
 //! window ([`tfp`], steady but blurred by motion), how long the interval around a
-//! moment is ([`tfi`], [`isi_map`], sharp but coarse), and how long a window's spikes
+//! moment is ([`tfi`], sharp but coarse), and how long a window's spikes
 //! span ([`span`], as steady as the light, blurred like TFP). Rates are in spikes per
 //! readout, so 1.0 is one nominal threshold per readout whatever the camera.
 

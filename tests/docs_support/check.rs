@@ -191,9 +191,17 @@ fn test(file: Option<&str>, words: &[String]) -> Result<(), String> {
         return Err(format!("tests know no {flag}"));
     }
     let Some(file) = file else { return Ok(()) };
-    let text = fs::read_to_string(root().join(format!("tests/{file}.rs"))).unwrap();
-    match words.iter().find(|w| !w.starts_with('-') && !text.contains(w.as_str())) {
-        Some(name) => Err(format!("tests/{file}.rs has no {name}")),
+    // A binary of tests is a file, or a folder of modules.
+    let one = format!("tests/{file}.rs");
+    let sources = if root().join(&one).exists() { vec![one] } else { files(&format!("tests/{file}")) };
+    if sources.is_empty() {
+        return Err(format!("there are no tests {file}"));
+    }
+    let read = |source: &String| fs::read_to_string(root().join(source)).unwrap_or_default();
+    let text: String = sources.iter().map(|source| source.clone() + &read(source)).collect();
+    let known = |name: &str| name.split("::").all(|part| text.contains(part));
+    match words.iter().find(|w| !w.starts_with('-') && !known(w)) {
+        Some(name) => Err(format!("tests/{file} has no {name}")),
         None => Ok(()),
     }
 }

@@ -37,7 +37,7 @@ pub struct Level {
 }
 
 impl Level {
-    /// A level from counts, first and last spikes (readouts from 0, [`NEVER`](crate::measure::NEVER) without).
+    /// A level from counts, first and last spikes (readouts from 0, `u32::MAX` without).
     #[must_use]
     pub fn from_counts(
         name: &str,
