@@ -10,6 +10,7 @@ use super::{files, root};
 /// Flags of cargo itself that pages use.
 const CARGO: &[&str] = &[
     "--release",
+    "-p",
     "--example",
     "--test",
     "--bench",
@@ -157,7 +158,10 @@ fn cargo(words: &[String]) -> Result<(), String> {
     if let Some(flag) = flags(own).find(|flag| !CARGO.contains(flag)) {
         return Err(format!("an unknown flag {flag} of cargo"));
     }
-    let manifest = fs::read_to_string(root().join("Cargo.toml")).unwrap();
+    // Of another member of the workspace only its manifest is asked.
+    let manifests = ["Cargo.toml", "bindings/c/Cargo.toml"];
+    let manifest: String =
+        manifests.iter().map(|file| fs::read_to_string(root().join(file)).unwrap()).collect();
     for (flag, folder) in [("--test", "tests"), ("--bench", "benches"), ("--example", "examples")] {
         let Some(name) = of(flag) else { continue };
         let here = root().join(format!("{folder}/{name}.rs")).is_file();
