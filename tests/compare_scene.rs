@@ -5,7 +5,7 @@ mod common_oracle;
 use std::path::PathBuf;
 
 use common_oracle::{preset, seeds};
-use spikelane::compare::{SceneComparison, static_scene};
+use spikelane::compare::{RealismOptions, SceneComparison, Window, realism, static_scene};
 use spikelane::effects::find;
 use spikelane::formats::{Layout, Reader, StreamWriter};
 use spikelane::simulate::FrameRef;
@@ -38,15 +38,52 @@ fn stream(camera: &Camera) -> Vec<u8> {
     bytes
 }
 
-fn compared(bytes: &[u8], models: &[Camera]) -> SceneComparison {
-    let folder = tempfile::tempdir().unwrap();
-    let path: PathBuf = folder.path().join("wedge.dat");
+/// A file of readouts, opened.
+fn recording(folder: &std::path::Path, bytes: &[u8], readouts: usize) -> Reader {
+    let path: PathBuf = folder.join("wedge.dat");
     let geometry = Geometry::new(SIZE.0, SIZE.1).unwrap();
-    let mut writer = StreamWriter::create(&path, Layout::Dat, geometry, READOUTS as u64, false).unwrap();
+    let mut writer = StreamWriter::create(&path, Layout::Dat, geometry, readouts as u64, false).unwrap();
     writer.write_frames(0, bytes).unwrap();
     writer.finish().unwrap();
-    let reader = Reader::open(&path, Some(Layout::Dat), Some(geometry)).unwrap();
-    static_scene(&reader, models, seeds(1)).unwrap()
+    Reader::open(&path, Some(Layout::Dat), Some(geometry)).unwrap()
+}
+
+fn compared(bytes: &[u8], models: &[Camera]) -> SceneComparison {
+    let folder = tempfile::tempdir().unwrap();
+    static_scene(&recording(folder.path(), bytes, READOUTS), models, seeds(1)).unwrap()
+}
+
+/// Windows of 16x16 pixels, at 48 places.
+fn windows() -> RealismOptions {
+    RealismOptions {
+        window: Window { side: 16, readouts: 100 },
+        simulated: 4,
+        seeds: seeds(1),
+        ..RealismOptions::default()
+    }
+}
+
+/// Of places that are as many as these, chance makes 0.5 +- 0.03 (their interval says so); the bound is four of these.
+#[test]
+fn a_camera_is_hardly_told_from_its_own_recording_and_a_noisier_one_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let own = recording(folder.path(), &stream(&physical()), READOUTS);
+    let models = [physical(), noisy(), preset("ideal", SIZE.0, SIZE.1)];
+    let found = realism(&own, &models, &windows(), &mut |_, _| {}).unwrap();
+    let of = |name: &str| found.rows.iter().find(|r| r.name == name).unwrap().auc.value;
+    assert!((of("physical") - 0.5).abs() < 0.12, "{}", of("physical"));
+    assert!(of("noisy") > 0.9 && of("ideal") > 0.9, "{} {}", of("noisy"), of("ideal"));
+    assert_eq!(found.rows[0].name, "physical");
+}
+
+#[test]
+fn a_recording_shorter_than_a_window_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = stream(&physical());
+    let frame = bytes.len() / READOUTS;
+    let short = recording(folder.path(), &bytes[..90 * frame], 90);
+    let refused = realism(&short, &[physical()], &windows(), &mut |_, _| {}).unwrap_err().to_string();
+    assert!(refused.contains("0 places"), "{refused}");
 }
 
 /// The measured rates hold the pattern of the camera that was recorded; a model's own on top of it would be two.

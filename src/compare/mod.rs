@@ -11,6 +11,7 @@ mod realism;
 mod row;
 mod scene;
 mod scene_page;
+mod steady;
 
 pub use areas::Area;
 pub use grey::{CameraDistance, Floor, GreyComparison, grey_levels};

@@ -4,13 +4,12 @@ use serde::Serialize;
 
 use super::areas::{Area, Areas};
 use super::row::{LAGS, SceneRow, apart, row, terms};
+use super::steady::{RADIUS, steady};
 use crate::draws::Seeds;
 use crate::effects::{Camera, Maps};
 use crate::error::{Error, Kind, Result};
 use crate::formats::Reader;
-use crate::measure::{
-    Accumulator, Estimate, MeasureOptions, Statistics, box_means, of_stream, select_smooth,
-};
+use crate::measure::{Accumulator, Estimate, MeasureOptions, Statistics, of_stream, select_smooth};
 use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::{Geometry, Packed};
 
@@ -19,9 +18,6 @@ const BATCH: usize = 496;
 
 /// Readouts simulated before the ones that are measured.
 pub(super) const LEAD: usize = 200;
-
-/// Half side of the surroundings that decide whether a pixel lies in a static area.
-const RADIUS: usize = 5;
 
 /// Measured recording and models, nearest first.
 #[derive(Clone, Debug, Serialize)]
@@ -106,11 +102,8 @@ fn static_pixels(statistics: &Statistics) -> Vec<usize> {
     let late: Vec<f64> =
         counts.count.iter().zip(early).map(|(n, e)| f64::from(n - e) * split / rest).collect();
     let early: Vec<f64> = early.iter().map(|e| f64::from(*e)).collect();
-    let (early, late) = (box_means(&early, width, RADIUS), box_means(&late, width, RADIUS));
-    // The halves of a static pixel differ by 0.6 spikes (two phases), the mean of 121 by 0.05: five
-    // of these, and 0.2 % for a lamp.
-    let steady = |p: &usize| (early[*p] - late[*p]).abs() <= 0.27 + 0.002 * early[*p];
-    even.into_iter().filter(steady).collect()
+    let steady = steady(&early, &late, width);
+    even.into_iter().filter(|p| steady[*p]).collect()
 }
 
 /// A camera of that size without its fixed pattern: measured rates hold the real camera's own.

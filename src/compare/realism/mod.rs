@@ -140,7 +140,7 @@ pub fn realism(
     let lags = lags(options.window, mean);
     let cutter =
         Cutter { window: options.window, lags: &lags, used: &used, rows: rows.start..rows.end.min(height) };
-    let own = cutter.samples(&real);
+    let own = cutter.samples(&real, &lines);
     let places = count_places(&own);
     if places < LEAST_PLACES {
         return Err(too_few(recording, options.window, places));
@@ -160,7 +160,8 @@ pub fn realism(
         tell(&camera.name, i as f64 / cameras.len() as f64);
         let matched = Matched::new(camera, &lines, &real, options.seeds)?;
         let recordings = matched.recordings(options.simulated.max(2), options.seeds)?;
-        let simulated: Vec<Vec<Sample>> = recordings.iter().map(|times| cutter.samples(times)).collect();
+        let simulated: Vec<Vec<Sample>> =
+            recordings.iter().map(|times| cutter.samples(times, &times.lines())).collect();
         simulated.iter().for_each(|samples| add_features(&mut found.features, &camera.name, samples));
         found.rows.push(row(&camera.name, &names, &own, &simulated));
     }
@@ -224,8 +225,8 @@ fn row(name: &str, names: &[(String, bool)], own: &[Sample], simulated: &[Vec<Sa
         Part {
             name,
             windows,
-            auc: enough.then(|| auc(&all, &scores(&all))),
-            tell: tells(names, &all).into_iter().next().filter(|_| windows > 0),
+            auc: (enough && !others.is_empty()).then(|| auc(&all, &scores(&all))),
+            tell: tells(names, &all).into_iter().next().filter(|tell| tell.alone.is_finite()),
         }
     };
     let parts = cuts(own).into_iter().map(|(name, within)| part(name, &*within)).collect();

@@ -1,12 +1,9 @@
 //! Spike times of every pixel, and the lines through them.
 
+use crate::compare::steady::steady;
 use crate::error::Result;
 use crate::formats::Reader;
-use crate::measure::box_means;
 use crate::spikes::{Geometry, unpack};
-
-/// Half side of the surroundings whose change says that something moved.
-const RADIUS: usize = 5;
 
 /// Spikes of a recording by pixel, in the order of time.
 pub(super) struct Times {
@@ -72,17 +69,13 @@ impl Times {
         (0..self.geometry.pixels()).map(|p| line(self.of_pixel(p))).collect()
     }
 
-    /// Pixels around which nothing moved: the spikes of both halves, averaged over 11x11 pixels, differ by no more than 0.27 and 0.2 %. Halves of a still
-    /// pixel differ by 0.6 spikes (two phases), the mean of 121 by 0.05: five of these, and a lamp.
+    /// Pixels around which nothing moved from half to half ([`steady`]).
     pub(super) fn still(&self) -> Vec<bool> {
         let half = self.readouts / 2;
         let count = |from, to| -> Vec<f64> {
             (0..self.geometry.pixels()).map(|p| self.within(p, from, to).len() as f64).collect()
         };
-        let width = self.geometry.width();
-        let early = box_means(&count(0, half), width, RADIUS);
-        let late = box_means(&count(half, 2 * half), width, RADIUS);
-        early.iter().zip(&late).map(|(e, l)| (e - l).abs() <= 0.27 + 0.002 * e).collect()
+        steady(&count(0, half), &count(half, 2 * half), self.geometry.width())
     }
 }
 

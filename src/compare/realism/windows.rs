@@ -90,16 +90,14 @@ pub(super) struct Cutter<'a> {
 
 impl Cutter<'_> {
     /// Every window, places by rows and columns, of readouts without overlap.
-    pub(super) fn samples(&self, times: &Times) -> Vec<Sample> {
-        let lines = times.lines();
+    pub(super) fn samples(&self, times: &Times, lines: &[Line]) -> Vec<Sample> {
         let Window { side, readouts } = self.window;
         let (across, down) = (times.geometry.width() / side, self.rows.len() / side);
         let mut all = Vec::new();
         for place in 0..across * down {
             let (top, left) = (self.rows.start + place / across * side, place % across * side);
-            for from in (0..=times.readouts.saturating_sub(readouts)).step_by(readouts) {
-                let pixels =
-                    Pixels { times, lines: &lines, used: self.used, top, left, side, from, readouts };
+            for from in (0..times.readouts / readouts).map(|k| k * readouts) {
+                let pixels = Pixels { times, lines, used: self.used, top, left, side, from, readouts };
                 if let Some((rate, values)) = pixels.measure(self.lags) {
                     all.push(Sample { place, row: top, rate, values });
                 }
@@ -361,7 +359,7 @@ mod tests {
         let lags = lags(window, 0.2);
         assert_eq!(lags, [1, 2, 4]);
         let cutter = Cutter { window, lags: &lags, used: &[true; 64], rows: 0..8 };
-        let samples = cutter.samples(&times);
+        let samples = cutter.samples(&times, &times.lines());
         assert_eq!((samples.len(), samples[0].values.len()), (1, names(&lags).len()));
         // Regular spikes: no variance at any lag, and lower neighbours that always fire together.
         let at = |name: &str| names(&lags).iter().position(|(n, _)| n == name).unwrap();
