@@ -2,6 +2,8 @@
 
 pub(super) mod between;
 pub mod chart;
+mod chart_drawn;
+mod chart_scene;
 #[cfg(feature = "files")]
 pub mod motion;
 pub(super) mod objects;
