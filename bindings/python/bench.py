@@ -158,7 +158,7 @@ def crops(table: Table, spikezoo: Path | None, spikecv: Path | None) -> None:
             for t in range(clip.shape[0]):
                 charge += light[t]
                 fired = charge >= 1
-                charge -= fired
+                charge -= fired.to(charge.dtype)
                 spikes[t] = fired
             return spikes
 
