@@ -43,6 +43,12 @@ pub struct Lamp {
     pub drifts: bool,
     /// Whether most pixels fire at nearly every readout: nothing is known of it then.
     pub saturated: bool,
+    /// Readouts of its recording; 0 for a rate map of unknown length.
+    pub readouts: u32,
+    /// Mean rate, spikes a readout, of the pixels that have a line.
+    pub rate: f64,
+    /// Robust spread of these pixels' rates about their own lines at the light found, of the mean rate.
+    pub scatter: f64,
 }
 
 impl Lamp {
@@ -50,6 +56,13 @@ impl Lamp {
     #[must_use]
     pub fn found(&self) -> f64 {
         self.stated + self.deviation.value
+    }
+
+    /// The deviation of what was found, and its error, in what was stated; `None` in the dark and where nothing is known.
+    #[must_use]
+    pub fn relative(&self) -> Option<[f64; 2]> {
+        let known = self.stated > 0.0 && !self.saturated;
+        known.then(|| [self.deviation.value, self.deviation.error].map(|x| x / self.stated))
     }
 }
 

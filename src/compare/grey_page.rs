@@ -2,7 +2,7 @@
 
 use super::grey::{CameraDistance, GreyComparison};
 use crate::error::Result;
-use crate::report::{Curve, Part, Table, bars, curves, page};
+use crate::report::{Curve, Part, Table, bars, marked, page};
 
 /// Most bins of a plotted histogram: more of them show noise and no shape.
 const BINS: usize = 80;
@@ -20,19 +20,19 @@ impl GreyComparison {
             )));
         }
         parts.push(Part::text(
-            "Response: root mean square, over the levels, of the difference in mean spikes per readout. Histograms: half the sum of the absolute differences of the shares, 0 (equal) to 1 (disjoint).",
+            "Light is what the set states, in fractions of what gives one spike a readout. Response: root mean square, over the levels, of the difference in mean rate, in spikes a readout. Intervals: half the sum of the absolute differences of the shares of all lengths, from 0 (equal) to 1 (disjoint), without a unit.",
         ));
         parts.push(Part::Table(self.distances()));
         parts.push(Part::figure(
-            curves("Mean spikes per readout", "grey level", "spikes per readout", &self.lines(|m, _| m))?,
-            "Response over grey level.",
+            marked("Mean rate", ("light", "spikes a readout"), &self.lines(|m, _| m), None)?,
+            "Response over the light.",
         ));
         parts.push(Part::figure(
-            curves(
+            marked(
                 "Less the measured response",
-                "grey level",
-                "spikes per readout",
+                ("light", "spikes a readout"),
                 &self.lines(|m, own| m - own),
+                None,
             )?,
             "The same as differences from the measured camera.",
         ));
@@ -49,15 +49,17 @@ impl GreyComparison {
     fn lines(&self, of: fn(f64, f64) -> f64) -> Vec<Curve<'_>> {
         let points = |c: &CameraDistance| {
             let pairs = c.response.iter().zip(&self.measured.response);
-            self.lights.iter().zip(pairs).map(|(l, (m, own))| (l * 255.0, of(*m, *own))).collect()
+            self.lights.iter().zip(pairs).map(|(l, (m, own))| (*l, of(*m, *own))).collect()
         };
         self.all().map(|c| Curve { name: &c.name, points: points(c) }).collect()
     }
 
     fn distances(&self) -> Table {
-        let greys = self.histogram_lights.iter().map(|l| format!("intervals at grey {:.0}", l * 255.0));
-        let head: Vec<String> =
-            ["camera".to_owned(), "response".to_owned()].into_iter().chain(greys).collect();
+        let lights = self.histogram_lights.iter().map(|l| format!("intervals at light {l:.3}"));
+        let head: Vec<String> = ["camera".to_owned(), "response, spikes a readout".to_owned()]
+            .into_iter()
+            .chain(lights)
+            .collect();
         let mut table = Table::new(&head.iter().map(String::as_str).collect::<Vec<_>>());
         let mut row = |name: &str, response: f64, histograms: &[f64]| {
             let cells = histograms.iter().map(|d| format!("{d:.4}"));
@@ -98,7 +100,7 @@ impl GreyComparison {
             format!(" Cut at the upper edge: {}.", cut.join(", "))
         };
         lines.iter_mut().flat_map(|c| &mut c.points).for_each(|p| p.1 = p.1.min(limit));
-        let title = format!("Intervals at grey {:.0}", self.histogram_lights[i] * 255.0);
+        let title = format!("Intervals at light {:.3}", self.histogram_lights[i]);
         let unit = if step == 1 { "one readout".to_owned() } else { format!("{step} readouts") };
         let caption =
             format!("Share of the intervals by length, bins of {unit}; all but the longest thousandth.{cut}");

@@ -42,9 +42,12 @@ impl SceneComparison {
     }
 
     fn values(&self) -> Table {
-        let lags = LAGS.map(|n| format!("D({n})"));
-        let head: Vec<&str> =
-            ["camera"].into_iter().chain(lags.iter().map(String::as_str)).chain(["outliers"]).collect();
+        let lags = LAGS.map(|n| format!("D({n}), readouts\u{b2}"));
+        let head: Vec<&str> = ["camera"]
+            .into_iter()
+            .chain(lags.iter().map(String::as_str))
+            .chain(["outliers, share"])
+            .collect();
         let mut table = Table::new(&head);
         for row in std::iter::once(&self.measured).chain(&self.models) {
             let lags = row.lag_variance.iter().map(|e| format!("{:.4} \u{b1} {:.4}", e.value, e.error));
@@ -55,7 +58,14 @@ impl SceneComparison {
     }
 
     fn distances(&self) -> Table {
-        let mut table = Table::new(&["camera", "D(1)", "D(8)", "outliers", "sum", "beyond lag 8"]);
+        let mut table = Table::new(&[
+            "camera, |ln(model / measured)| of",
+            "D(1)",
+            "D(8)",
+            "outliers",
+            "sum",
+            "beyond lag 8",
+        ]);
         for row in &self.models {
             let cells =
                 row.terms.iter().chain([&row.distance, &row.slow_distance]).map(|x| format!("{x:.3}"));

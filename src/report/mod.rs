@@ -1,13 +1,15 @@
 //! Reports: one HTML file that needs nothing else, with plots and maps inside.
 
+mod day;
 mod json;
 mod map;
 mod plot;
 mod ranked;
 
+pub use day::today;
 pub use json::with_known;
 pub use map::heat_map;
-pub use plot::{Band, Curve, bars, curves, curves_over};
+pub use plot::{Band, Curve, bars, curves, curves_over, marked};
 pub use ranked::{Row, ranked};
 
 use minijinja::{AutoEscape, Environment, context};

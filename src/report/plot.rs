@@ -137,6 +137,29 @@ pub fn curves_over(
     curves: &[Curve<'_>],
     band: Option<&Band<'_>>,
 ) -> Result<String> {
+    lines(title, axes, (curves, band), 0)
+}
+
+/// [`curves_over`] with a dot at each point: of measured values the points count, and lines only join them.
+///
+/// # Errors
+/// When the plot cannot be laid out.
+pub fn marked(
+    title: &str,
+    axes: (&str, &str),
+    curves: &[Curve<'_>],
+    band: Option<&Band<'_>>,
+) -> Result<String> {
+    lines(title, axes, (curves, band), 3)
+}
+
+/// Lines with dots of `radius` pixels at their points.
+fn lines(
+    title: &str,
+    axes: (&str, &str),
+    (curves, band): (&[Curve<'_>], Option<&Band<'_>>),
+    radius: u32,
+) -> Result<String> {
     let ends = || band.iter().flat_map(|b| b.low.iter().chain(&b.high));
     let all = || curves.iter().flat_map(|c| c.points.iter()).chain(ends());
     let ranges = [range(all().map(|p| p.0)), range(all().map(|p| p.1))];
@@ -148,7 +171,8 @@ pub fn curves_over(
         for (i, curve) in curves.iter().enumerate() {
             let colour = COLOURS[i % COLOURS.len()];
             let points = curve.points.iter().copied().filter(|p| p.1.is_finite());
-            chart.draw_series(LineSeries::new(points, colour.stroke_width(2))).map_err(failed)?;
+            let line = LineSeries::new(points, colour.stroke_width(2)).point_size(radius);
+            chart.draw_series(line).map_err(failed)?;
         }
         Ok(())
     })

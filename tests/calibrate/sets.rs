@@ -210,13 +210,39 @@ fn an_upside_down_file_and_a_moving_scene_are_found() {
 }
 
 #[test]
+fn the_report_says_what_was_recorded_and_how_far_to_trust_the_camera() {
+    let protocol = flats(&[0.0, 0.04, 0.1, 0.3, 0.6, 0.8], 1000);
+    let (folder, path) = record(&protocol);
+    let report = |path: &std::path::Path, out: &str| {
+        let observed = observe(&RecordingSet::open(path).unwrap(), &mut |_, _| {}).unwrap();
+        let found = calibrate(&observed, &CalibrateOptions::default()).unwrap();
+        let files = write(&found, &folder.path().join(out), false).unwrap();
+        (found, std::fs::read_to_string(&files.report).unwrap())
+    };
+    let (found, page) = report(&path, "right");
+    for said in ["could not tell", "6 recordings of", "6000 readouts in all", "Linearity", &found.verdict()] {
+        assert!(page.contains(said), "{said}");
+    }
+    assert!(found.cautions().iter().all(|c| !c.contains("off their stated light")), "{:?}", found.cautions());
+    // A lamp that is said to be brighter by a tenth is a caution, wherever the verdict is read.
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replace("light = 0.3\n", "light = 0.33\n")).unwrap();
+    let (found, page) = report(&path, "wrong");
+    assert!(
+        found.cautions()[0].starts_with("1 of 5 lit levels lie off their stated light: "),
+        "{:?}",
+        found.cautions()
+    );
+    assert!(page.contains("caution") && found.verdict().contains("caution"), "{}", found.verdict());
+}
+
+#[test]
 fn a_calibrated_camera_has_the_rates_of_the_first() {
     let protocol = flats(&[0.0, 0.04, 0.1, 0.3, 0.6, 0.8], 4000);
     let (folder, path) = record(&protocol);
     let first = observe(&RecordingSet::open(&path).unwrap(), &mut |_, _| {}).unwrap();
     let found = calibrate(&first, &CalibrateOptions::default()).unwrap();
     let files = write(&found, &folder.path().join("out"), false).unwrap();
-    assert!(std::fs::read_to_string(&files.report).unwrap().contains("could not tell"));
     let again = presets::load(files.camera.to_str().unwrap()).unwrap();
     let second_folder = tempfile::tempdir().unwrap();
     let seeds = Seeds { camera: 8, shot: 9, sequence: 50 };

@@ -1,11 +1,11 @@
 //! What is said of the levels, and what makes a set say nothing.
 
 use super::state::Fitter;
-use crate::calibrate::formulas::fit::fit_line;
+use crate::calibrate::formulas::fit::{PixelFit, fit_line};
 use crate::calibrate::result::Lamp;
 use crate::calibrate::sets::observed::Level;
 use crate::error::{Error, Kind, Result};
-use crate::measure::Estimate;
+use crate::measure::{Estimate, median_and_spread};
 
 /// Fewest pixels with a line of their own of which spreads are told.
 const LEAST_PIXELS: usize = 8;
@@ -55,9 +55,30 @@ impl Fitter<'_> {
                 change: level.change,
                 drifts: level.drifts(),
                 saturated: self.saturated[k],
+                readouts: level.readouts,
+                rate: self.mean_rate(level),
+                scatter: self.scatter(level, level.light + offset.value),
             }
         };
         self.observed.levels.iter().enumerate().map(lamp).collect()
+    }
+
+    /// Rates of a level beside the lines of their pixels.
+    fn fitted<'a>(&'a self, level: &'a Level) -> impl Iterator<Item = (f64, &'a PixelFit)> {
+        let known = |(x, f): &(f64, &PixelFit)| x.is_finite() && f.a.is_finite();
+        level.rate.iter().copied().zip(&self.fits).filter(known)
+    }
+
+    fn mean_rate(&self, level: &Level) -> f64 {
+        let (sum, n) = self.fitted(level).fold((0.0, 0.0), |(sum, n), (x, _)| (sum + x, n + 1.0));
+        if n > 0.0 { sum / n } else { 0.0 }
+    }
+
+    /// Robust spread of the rates about the lines at `light`, of the mean rate; 0 where no pixel fired.
+    fn scatter(&self, level: &Level, light: f64) -> f64 {
+        let mut off: Vec<f64> = self.fitted(level).map(|(x, f)| x - f.a * light - f.d).collect();
+        let mean = self.mean_rate(level);
+        if mean > 0.0 { median_and_spread(&mut off).1 / mean } else { 0.0 }
     }
 
     /// Levels that are wrong by name, and what so many levels cannot tell.

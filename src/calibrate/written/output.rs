@@ -35,6 +35,7 @@ fn lamp(l: &Lamp) -> Value {
     let about = json!({
         "file": l.file, "stated": l.stated, "stated_uncertainty": l.uncertainty, "found": l.found(),
         "deviation": number(l.deviation), "wrong": l.wrong, "saturated": l.saturated, "drifts": l.drifts,
+        "readouts": l.readouts, "rate": l.rate, "scatter": l.scatter,
     });
     with_known(about, [("change", l.change.map(number))])
 }
@@ -65,6 +66,7 @@ impl Calibration {
             "levels": self.levels.iter().map(lamp).collect::<Vec<_>>(),
             "unknown_pixels": self.unknown(),
             "dead": self.dead, "hot": self.hot, "misfits": self.misfits,
+            "verdict": self.verdict(), "cautions": self.cautions(),
             "notes": self.notes,
         });
         let further = [

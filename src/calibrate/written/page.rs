@@ -2,11 +2,11 @@
 
 use crate::calibrate::formulas::fit::PixelFit;
 use crate::calibrate::population::mean_and_sd;
-use crate::calibrate::result::Calibration;
+use crate::calibrate::result::{Calibration, Lamp};
 use crate::calibrate::snee::{Snee, SneeMaps};
 use crate::error::Result;
 use crate::measure::finite;
-use crate::report::{Curve, Part, Table, bars, heat_map, page as render};
+use crate::report::{Band, Curve, Part, Table, bars, heat_map, marked, page as render, today};
 
 /// The page of a calibration.
 ///
@@ -17,6 +17,13 @@ pub fn page(c: &Calibration) -> Result<String> {
     let map = |of: fn(&PixelFit) -> f64| c.fits.iter().map(of).collect::<Vec<f64>>();
     let (a, d) = (map(|f| f.a), map(|f| f.d));
     let mut parts = vec![
+        Part::text(about(c)),
+        Part::text(c.verdict()),
+        Part::List { items: c.cautions() },
+        Part::heading("Light levels"),
+        linearity(c)?,
+        residuals(c)?,
+        Part::Table(levels(c)),
         Part::heading("Population"),
         Part::Table(population(c)),
         Part::heading("What the recordings could and could not tell"),
@@ -28,13 +35,62 @@ pub fn page(c: &Calibration) -> Result<String> {
         Part::figure(heat_map(&d, width, "map of d")?, "Dark rate d, likewise."),
         histogram("Gain a", "thresholds per readout at full light", &a)?,
         histogram("Dark rate d", "thresholds per readout", &d)?,
-        Part::heading("Light levels"),
-        Part::Table(levels(c)),
     ];
     if let Some(paper) = &c.paper {
         parts.extend(beside(c, paper)?);
     }
     render("Calibration", &parts)
+}
+
+/// What was recorded.
+fn about(c: &Calibration) -> String {
+    let readouts: u64 = c.levels.iter().map(|l| u64::from(l.readouts)).sum();
+    format!(
+        "{} recordings of {}x{} pixels at {} readouts a second, {readouts} readouts in all, {:.2} s. Made on {}.",
+        c.levels.len(),
+        c.sensor.geometry.width(),
+        c.sensor.geometry.height(),
+        c.sensor.readout_hz,
+        readouts as f64 / c.sensor.readout_hz,
+        today()
+    )
+}
+
+/// Mean rates over the light as it was stated, and the mean of the pixels' lines.
+fn linearity(c: &Calibration) -> Result<Part> {
+    let p = &c.population;
+    let told = || c.levels.iter().filter(|l| !l.saturated);
+    let end = told().map(|l| l.stated).fold(0.0, f64::max);
+    let line = [0.0, end].map(|light| (light, p.mean_a.value * light + p.mean_d.value));
+    let plot = marked(
+        "Linearity",
+        ("light as stated, of what saturates", "spikes a readout"),
+        &[
+            Curve { name: "mean of the lines", points: line.to_vec() },
+            Curve { name: "recorded", points: told().map(|l| (l.stated, l.rate)).collect() },
+        ],
+        None,
+    )?;
+    Ok(Part::figure(
+        plot,
+        "Mean rate of each level that does not saturate, over the light that the set states.",
+    ))
+}
+
+/// How far each level lies off what is stated, with two standard errors.
+fn residuals(c: &Calibration) -> Result<Part> {
+    let known: Vec<(f64, [f64; 2])> =
+        c.levels.iter().filter_map(|l| Some((l.stated, l.relative()?.map(|x| 100.0 * x)))).collect();
+    let at = |errors: f64| known.iter().map(|(x, [value, error])| (*x, value + errors * error)).collect();
+    let band = Band { name: "two errors", low: at(-2.0), high: at(2.0) };
+    let plot = marked(
+        "Light found, less what is stated",
+        ("light as stated, of what saturates", "%"),
+        &[Curve { name: "found", points: at(0.0) }],
+        Some(&band),
+    )?;
+    let caption = "Residuals from the line of all levels. The errors hold the scale that all levels share, so that they may be wider than the points scatter.";
+    Ok(Part::figure(plot, caption))
 }
 
 fn population(c: &Calibration) -> Table {
@@ -60,23 +116,40 @@ fn population(c: &Calibration) -> Table {
 }
 
 fn levels(c: &Calibration) -> Table {
-    let mut table =
-        Table::new(&["recording", "light stated", "found", "difference", "standard error", "verdict"]);
+    let mut table = Table::new(&[
+        "recording",
+        "readouts",
+        "light stated",
+        "found",
+        "difference",
+        "standard error",
+        "spikes a readout",
+        "pixels about their lines",
+        "verdict",
+    ]);
+    let percent = |x: f64| format!("{:.3} %", 100.0 * x);
     for lamp in &c.levels {
-        let relative = |x: f64| format!("{:.3} %", 100.0 * x / lamp.stated);
-        let cells = match (lamp.stated == 0.0, lamp.saturated) {
-            (true, _) => ["0".to_owned(), String::new(), String::new(), "dark, by what is stated".to_owned()],
-            (_, true) => [String::new(), String::new(), String::new(), "saturated: not told".to_owned()],
-            _ => [
-                format!("{:.5}", lamp.found()),
-                relative(lamp.deviation.value),
-                relative(lamp.deviation.error),
-                if lamp.wrong { "off, and left out of the scale" } else { "as stated" }.to_owned(),
-            ],
+        let readouts = if lamp.readouts > 0 { lamp.readouts.to_string() } else { "a map".to_owned() };
+        let [found, difference, error] = match lamp.relative() {
+            Some([value, error]) => [format!("{:.5}", lamp.found()), percent(value), percent(error)],
+            None => [String::new(), String::new(), String::new()],
         };
-        table.row([lamp.file.clone(), format!("{:.5}", lamp.stated)].into_iter().chain(cells));
+        let stated = format!("{:.5}", lamp.stated);
+        let own = [lamp.file.clone(), readouts, stated, found, difference, error];
+        let fitted = [format!("{:.5}", lamp.rate), percent(lamp.scatter), judged(lamp).to_owned()];
+        table.row(own.into_iter().chain(fitted));
     }
     table
+}
+
+fn judged(lamp: &Lamp) -> &'static str {
+    match (lamp.stated == 0.0, lamp.saturated, lamp.wrong, lamp.drifts) {
+        (_, true, ..) => "saturated: not told",
+        (_, _, true, _) => "off, and left out of the scale",
+        (_, _, _, true) => "drifts",
+        (true, ..) => "dark, by what is stated",
+        _ => "as stated",
+    }
 }
 
 fn defects(c: &Calibration) -> String {

@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
-use std::time::SystemTime;
 
 use crate::{Error, Result};
 use serde_json::{Value, json};
@@ -62,7 +61,7 @@ impl Machine {
     pub(crate) fn here() -> Self {
         let cpu = std::fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| model(&text));
         Self {
-            date: date(),
+            date: crate::report::today(),
             cpu: cpu.unwrap_or_else(|| std::env::consts::ARCH.to_owned()),
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             compiler: said(Command::new("rustc").arg("--version")),
@@ -85,21 +84,6 @@ fn said(command: &mut Command) -> String {
     let output = command.output().ok().filter(|o| o.status.success());
     let text = output.map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned());
     text.filter(|t| !t.is_empty()).unwrap_or_else(|| "unknown".to_owned())
-}
-
-/// Today in UTC, as year-month-day.
-fn date() -> String {
-    let seconds = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs());
-    // Days to a date of the Gregorian calendar, in years that begin in March.
-    let days = seconds / 86_400 + 719_468;
-    let (era, day) = (days / 146_097, days % 146_097);
-    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
-    let day = day - (365 * year + year / 4 - year / 100);
-    let month = (5 * day + 2) / 153;
-    let date = day - (153 * month + 2) / 5 + 1;
-    let month = if month < 10 { month + 3 } else { month - 9 };
-    let year = year + era * 400 + u64::from(month <= 2);
-    format!("{year}-{month:02}-{date:02}")
 }
 
 /// Everything that was measured.

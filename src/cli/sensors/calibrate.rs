@@ -107,6 +107,8 @@ fn refuse_streams(path: &Path) -> Result<()> {
 
 fn text(calibration: &Calibration, files: &Written) -> String {
     let mut lines = found(calibration);
+    lines.push(calibration.verdict());
+    lines.extend(calibration.cautions().iter().map(|caution| format!("* {caution}")));
     lines.extend(calibration.notes.iter().cloned());
     if let Some(paper) = &calibration.paper {
         let edges = paper.edges();

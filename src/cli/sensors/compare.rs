@@ -124,7 +124,10 @@ fn grey(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<Foun
     let mut text = String::new();
     let mut line = |name: &str, response: f64, histograms: &[f64]| {
         let cells: Vec<String> = histograms.iter().map(|d| format!("{d:.4}")).collect();
-        text += &format!("{name:<14} response {response:.5}, histograms {}\n", cells.join(" "));
+        text += &format!(
+            "{name:<14} response off by {response:.5} spikes a readout, histograms by {} (0 equal, 1 disjoint)\n",
+            cells.join(" ")
+        );
         json!({"name": name, "response": response, "histograms": histograms})
     };
     let row = |m: &CameraDistance| line(&m.name, m.response_distance, &m.histogram_distance);
@@ -157,7 +160,7 @@ fn bands(found: &SceneComparison) -> String {
 fn still(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<Found> {
     let found = static_scene(&args.stream.open(&args.measured, out)?, cameras, seeds)?;
     let mut text = format!(
-        "{} static pixels, mean rate {:.4}, noise floor {:.3}\n",
+        "{} static pixels, mean rate {:.4} spikes a readout; distances are sums of |ln(model / measured)|, of the recording's own errors {:.3}\n",
         found.pixels, found.mean_rate, found.floor
     );
     let mut row = |m: &SceneRow| {
