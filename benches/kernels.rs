@@ -78,7 +78,10 @@ fn kernels(c: &mut Criterion) {
         let light = |f| Light::Held(Samples::U8(f));
         let held = [Segment { readouts: READOUTS, light: light(&frames[0]) }];
         let new: Vec<_> = frames.iter().map(|f| Segment { readouts: 1, light: light(f) }).collect();
-        for (name, segments) in [("held", &held[..]), ("new-frame", &new[..])] {
+        let weights: Vec<f32> = (0..READOUTS).map(|t| t as f32 / READOUTS as f32).collect();
+        let [from, to] = [&frames[0], &frames[READOUTS / 2]].map(|f| Samples::U8(f));
+        let way = [Segment { readouts: READOUTS, light: Light::Between { from, to, weights: &weights } }];
+        for (name, segments) in [("held", &held[..]), ("new-frame", &new[..]), ("between", &way[..])] {
             let expected = run(&plan, Backend::Reference, segments, &mut out);
             let mut group = c.benchmark_group(format!("{noise}/{name}"));
             group.throughput(Throughput::Elements((PIXELS * READOUTS) as u64));

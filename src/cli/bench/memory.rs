@@ -70,25 +70,54 @@ pub(crate) fn frames(noise: Noise, count: usize) -> Vec<Vec<u8>> {
     (0..count).map(|t| (0..100_000).map(|p| (level + (p * 7 + t * 13) % spread) as u8).collect()).collect()
 }
 
-/// One thread, from the kernel's own door: `held` light or a new frame at every readout.
+/// How light comes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Lit {
+    /// One frame for all readouts.
+    Held,
+    /// A frame of its own at every readout.
+    New,
+    /// In even steps from one frame to the next.
+    Between,
+}
+
+impl Lit {
+    pub(crate) const ALL: [Self; 3] = [Self::Held, Self::New, Self::Between];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Held => "held",
+            Self::New => "new frame",
+            Self::Between => "between frames",
+        }
+    }
+}
+
+/// One thread, from the kernel's own door.
 pub(crate) fn kernel(
     backend: Backend,
     noise: Noise,
     frames: &[Vec<u8>],
-    held: bool,
+    lit: Lit,
     budget: Duration,
 ) -> Result<Row> {
     let plan = Plan::new(&noise.camera()?, Seeds::default())?;
     let mut state = plan.start();
     let mut out = vec![0; BATCH * TILE / 8];
     let (readouts, pixels) = (frames.len(), plan.geometry().pixels());
-    let segments: Vec<Segment<'_>> = if held {
-        let light = Light::Held(Samples::U8(&frames[0]));
-        (0..readouts / BATCH).map(|_| Segment { readouts: BATCH, light }).collect()
-    } else {
-        frames.iter().map(|f| Segment { readouts: 1, light: Light::Held(Samples::U8(f)) }).collect()
+    let weights: Vec<f32> = (0..BATCH).map(|t| t as f32 / BATCH as f32).collect();
+    let long = |light| (0..readouts / BATCH).map(move |_| Segment { readouts: BATCH, light }).collect();
+    let segments: Vec<Segment<'_>> = match lit {
+        Lit::Held => long(Light::Held(Samples::U8(&frames[0]))),
+        Lit::New => {
+            frames.iter().map(|f| Segment { readouts: 1, light: Light::Held(Samples::U8(f)) }).collect()
+        }
+        Lit::Between => {
+            let [from, to] = [&frames[0], &frames[readouts - 1]].map(|f| Samples::U8(f));
+            long(Light::Between { from, to, weights: &weights })
+        }
     };
-    let per_batch = if held { 1 } else { BATCH };
+    let per_batch = if lit == Lit::New { BATCH } else { 1 };
     let mut first = 0;
     let speed = rate(budget, (readouts * pixels) as f64, || {
         for segments in segments.chunks(per_batch) {
@@ -100,8 +129,7 @@ pub(crate) fn kernel(
             }
         }
     });
-    let light = if held { "held" } else { "new frame" };
-    Ok(Row::new("kernel", backend.name(), noise.name(), light, 1, speed))
+    Ok(Row::new("kernel", backend.name(), noise.name(), lit.name(), 1, speed))
 }
 
 /// Whole packed frames in memory, by the simulator, on `threads` threads.

@@ -13,7 +13,7 @@ use std::time::Duration;
 use crate::{Backend, Error, Kind, Result};
 use clap::Args;
 
-use memory::{Noise, frames};
+use memory::{Lit, Noise, frames};
 use report::{Fact, Machine, Report};
 
 /// Frames that together are larger than any cache: 100 MB and more.
@@ -60,8 +60,8 @@ pub(crate) fn run(args: &BenchArgs, json: bool) -> Result<()> {
 
 fn measure(args: &BenchArgs) -> Result<Report> {
     let seconds = if args.quick { args.seconds.min(6.0) } else { args.seconds };
-    // Some forty cases share the time, beside what they need to be set up.
-    let budget = Duration::from_secs_f64(seconds / 60.0);
+    // Some fifty cases share the time, beside what they need to be set up.
+    let budget = Duration::from_secs_f64(seconds / 70.0);
     let mut report =
         Report { machine: Machine::here(), rows: Vec::new(), facts: Vec::new(), scenes: Vec::new() };
     report.rows.push(memory::scalar(budget));
@@ -92,9 +92,10 @@ fn kernels(budget: Duration, report: &mut Report) -> Result<()> {
                 eprintln!("skipped backend {backend}: this CPU lacks its instructions");
                 continue;
             }
-            report.rows.push(memory::kernel(backend, noise, &light, true, budget)?);
-            if noise != Noise::FewElectrons {
-                report.rows.push(memory::kernel(backend, noise, &light, false, budget)?);
+            // Without quanta that draw whole steps, light that changes tells nothing new.
+            let few = noise == Noise::FewElectrons;
+            for lit in Lit::ALL.into_iter().filter(|lit| *lit == Lit::Held || !few) {
+                report.rows.push(memory::kernel(backend, noise, &light, lit, budget)?);
             }
         }
     }
@@ -104,7 +105,7 @@ fn kernels(budget: Duration, report: &mut Report) -> Result<()> {
 /// The ideal camera on frames from memory, beside what one core reads at most.
 fn bandwidth(budget: Duration, report: &mut Report) -> Result<()> {
     let light = frames(Noise::Ideal, FROM_MEMORY);
-    let mut row = memory::kernel(Backend::best(), Noise::Ideal, &light, false, budget * 2)?;
+    let mut row = memory::kernel(Backend::best(), Noise::Ideal, &light, Lit::New, budget * 2)?;
     row.light = "new frame, memory";
     drop(light);
     let read = timing::read_bandwidth(budget * 2);

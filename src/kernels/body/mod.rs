@@ -30,5 +30,6 @@ mod pair;
 mod pass;
 mod pixels;
 mod step;
+mod way;
 
 pub(super) use case::{Entry, by_case, run};

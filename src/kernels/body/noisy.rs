@@ -23,6 +23,7 @@ use crate::kernels::body::pair::pair;
 use crate::kernels::body::pass::{Pass, Row, Rows, passes};
 use crate::kernels::body::pixels::{Constants, Pixels};
 use crate::kernels::body::step;
+use crate::kernels::body::way::Ways;
 use crate::kernels::isa::lanes::{COUNTED, Lanes};
 use crate::kernels::{Job, Light, Samples};
 use crate::plan::StateParts;
@@ -45,8 +46,15 @@ pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool,
             Some(Samples::F32(_)) => singles::<L, f32, NOISE, STORE, ANY>(l, job, &pass, whole, state, out),
             None => 0,
         };
+        let ways = if !ANY || EXTRA { Ways::of(job, &pass) } else { None };
         let mut at = rest;
         while at < job.pixels() {
+            if let Some(ways) = &ways
+                && ways.run::<L, NOISE, STORE, EXTRA>(l, job, at, state, out)
+            {
+                at += 2 * L::N;
+                continue;
+            }
             if (!ANY || EXTRA) && pair::<L, NOISE, STORE, EXTRA>(l, job, &pass, at, state, out) {
                 at += 2 * L::N;
                 continue;

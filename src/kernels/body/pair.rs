@@ -122,6 +122,6 @@ impl<L: Lanes> Held<L> {
 
 /// Whether `count` bytes from `at` on lie within `bytes`.
 #[inline(always)]
-fn is_inside(bytes: usize, at: usize, count: usize) -> bool {
+pub(super) fn is_inside(bytes: usize, at: usize, count: usize) -> bool {
     at <= bytes && count <= bytes - at
 }
