@@ -315,13 +315,14 @@ proptest! {
     /// Backends count no surplus where none can come: from far below full scale to above it, and when the light changes from one to
     /// the other.
     #[test]
-    fn held_light_gives_the_same_bits_on_every_backend(
+    fn held_and_moving_light_gives_the_same_bits_on_every_backend(
         levels in proptest::collection::vec(prop_oneof![Just(0.0f32), 0.0f32..0.5, 0.6f32..1.3], 1..4),
         lost in prop_oneof![Just(0.0), 1e-3f64..0.1],
         noise in prop_oneof![Just(0.0), 1e-3f64..0.08],
         quanta in any::<bool>(),
         clamped in any::<bool>(),
         dark_quanta in any::<bool>(),
+        moves in any::<bool>(),
         beside in 0..BESIDE.len(),
         width in 60u32..150,
         readouts in 1usize..150,
@@ -354,9 +355,18 @@ proptest! {
             let mut simulator = Simulator::of_plan(plan.clone()).with_backend(backend).unwrap();
             let geometry = plan.geometry();
             let mut bits = vec![0; levels.len() * readouts * geometry.frame_bytes()];
-            for (level, out) in levels.iter().zip(bits.chunks_mut(readouts * geometry.frame_bytes())) {
-                let frame = vec![*level; geometry.pixels()];
-                simulator.push(FrameRef::f32(&frame, geometry), out).unwrap();
+            // From one level to the next, and from the last to the first.
+            let next = levels.iter().cycle().skip(1);
+            let weights: Vec<f32> = (0..readouts).map(|t| t as f32 / readouts as f32).collect();
+            for ((level, next), out) in levels.iter().zip(next).zip(bits.chunks_mut(readouts * geometry.frame_bytes())) {
+                let [from, to] = [level, next].map(|level| vec![*level; geometry.pixels()]);
+                let [from, to] = [&from, &to].map(|frame| FrameRef::f32(frame, geometry));
+                let done = if moves {
+                    simulator.expose_between(from, to, &weights, out).map(drop)
+                } else {
+                    simulator.push(from, out)
+                };
+                done.unwrap();
             }
             (bits, simulator.state().clone())
         };
