@@ -3,6 +3,7 @@
 mod memory;
 mod report;
 mod scalar;
+mod scene_error;
 mod scenes;
 mod stream;
 mod timing;
@@ -34,6 +35,9 @@ pub(crate) struct BenchArgs {
     /// Write a page with the tables, keeping what stands behind its marker
     #[arg(long, value_name = "FILE")]
     pub markdown: Option<PathBuf>,
+    /// Instead compare the light of driving scenes with true renders of the same instants; minutes, not timed
+    #[arg(long, conflicts_with_all = ["seconds", "quick", "directory"])]
+    pub scene_error: bool,
 }
 
 /// Measures, and prints the tables, or with `json` one JSON object.
@@ -46,6 +50,9 @@ pub(crate) fn run(args: &BenchArgs, json: bool) -> Result<()> {
             .found(args.seconds)
             .expected("a number above 0, up to a day"));
     }
+    if args.scene_error {
+        return scene_errors(args, json);
+    }
     let report = measure(args)?;
     if let Some(path) = &args.markdown {
         report.write_page(path)?;
@@ -54,6 +61,21 @@ pub(crate) fn run(args: &BenchArgs, json: bool) -> Result<()> {
         println!("{}", report.json());
     } else {
         print!("{}", report.text());
+    }
+    Ok(())
+}
+
+/// The table of light against true renders, printed and put into the page.
+fn scene_errors(args: &BenchArgs, json: bool) -> Result<()> {
+    let rows = scene_error::measure(std::thread::available_parallelism().map_or(1, usize::from))?;
+    let text = scene_error::text(&rows);
+    if let Some(path) = &args.markdown {
+        report::put_between(path, report::SCENE_ERROR, &text)?;
+    }
+    if json {
+        println!("{}", serde_json::json!({"scene_error": rows.iter().map(scene_error::Row::json).collect::<Vec<_>>()}));
+    } else {
+        print!("{text}");
     }
     Ok(())
 }

@@ -4,13 +4,17 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use crate::{Error, Result};
+use crate::{Error, Kind, Result};
 use serde_json::{Value, json};
 
 use super::scenes::Drawn;
 
 /// What follows this line in a page is kept when the page is written again.
 const MARKER: &str = "<!-- kept: what follows is written by hand -->";
+
+/// Around the table of scene errors in a page.
+pub(crate) const SCENE_ERROR: (&str, &str) =
+    ("<!-- scene error: begin -->\n", "<!-- scene error: end -->\n");
 
 /// Pixel-readouts per second that a camera of this size and rate produces.
 const CAMERAS: [(&str, f64); 3] =
@@ -157,4 +161,16 @@ impl Report {
         );
         std::fs::write(path, page).map_err(|e| Error::io(path.display(), e))
     }
+}
+
+/// Puts `text` between two markers of a page that has them.
+pub(crate) fn put_between(path: &Path, (begin, end): (&str, &str), text: &str) -> Result<()> {
+    let old = std::fs::read_to_string(path).map_err(|e| Error::io(path.display(), e))?;
+    let parts = old.split_once(begin).and_then(|(before, rest)| Some((before, rest.split_once(end)?.1)));
+    let Some((before, after)) = parts else {
+        return Err(Error::new(Kind::Input, path.display())
+            .found("no place for the table")
+            .expected(format_args!("the lines {} and {}", begin.trim_end(), end.trim_end())));
+    };
+    std::fs::write(path, format!("{before}{begin}{text}{end}{after}")).map_err(|e| Error::io(path.display(), e))
 }

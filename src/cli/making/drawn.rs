@@ -17,7 +17,10 @@ const CHART_READOUTS: u64 = 4000;
 
 /// Frames per second of a drive when nobody says otherwise: every eighth readout at 20 kHz. Most of
 /// the street moves less than half a pixel from one to the next; a frame takes some 40 ms to draw.
-const DRIVE_FRAMES_PER_S: u64 = 2500;
+pub(crate) const DRIVE_FRAMES_PER_S: u64 = 2500;
+
+/// What the light of anything drawn does between its frames when nobody says otherwise.
+pub(crate) const DRAWN_INSERTION: Insertion = Insertion::Hold;
 
 /// Readouts of a drive when nobody says otherwise: a fortieth of a second at 20 kHz.
 const DRIVE_READOUTS: u64 = 500;
@@ -32,7 +35,7 @@ const OBJECTS: u32 = 12;
 impl LightArgs {
     /// What the light does between frames that are drawn.
     pub(super) fn drawn_insertion(&self) -> Insertion {
-        self.insertion.unwrap_or(Insertion::Hold)
+        self.insertion.unwrap_or(DRAWN_INSERTION)
     }
 
     pub(super) fn options(&self, camera: &Camera, moving: Option<Moving>) -> InputOptions {

@@ -2,7 +2,7 @@
 
 pub(super) mod closing;
 pub(super) mod dataset;
-mod drawn;
+pub(super) mod drawn;
 pub(super) mod first_run;
 pub(super) mod forecast;
 pub(super) mod images;
