@@ -71,6 +71,8 @@ pub(crate) use pictures::{folder, natural, picture, still};
 pub use times::NAME as TIMES;
 #[cfg(all(feature = "files", not(feature = "internals")))]
 pub(crate) use times::NAME as TIMES;
+#[cfg(feature = "files")]
+pub(crate) use transfer::srgb_byte;
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub use transfer::{LUMINANCE, luminance, srgb_code};

@@ -61,3 +61,62 @@ pub fn srgb_code(light: f32) -> f32 {
 pub fn luminance(rgb: [f32; 3]) -> f32 {
     LUMINANCE[0] * rgb[0] + LUMINANCE[1] * rgb[1] + LUMINANCE[2] * rgb[2]
 }
+
+/// [`srgb_code`] as a byte, 255 for white: the same as computing it, at a fraction of the cost.
+#[cfg(feature = "files")]
+pub(crate) fn srgb_byte(light: f32) -> u8 {
+    let table = BYTES.get_or_init(Bytes::new);
+    // A float becomes the nearest integer that there is, and what is no number 0.
+    let mut code = table.starts[((light * STEPS as f32) as usize).min(STEPS)];
+    while light >= table.from[usize::from(code) + 1] {
+        code += 1;
+    }
+    code
+}
+
+/// Steps of light from which the search for a code starts.
+#[cfg(feature = "files")]
+const STEPS: usize = 4096;
+
+#[cfg(feature = "files")]
+static BYTES: std::sync::OnceLock<Bytes> = std::sync::OnceLock::new();
+
+/// The least light of every code, and the code of every step of light.
+#[cfg(feature = "files")]
+struct Bytes {
+    from: [f32; 257],
+    starts: Vec<u8>,
+}
+
+#[cfg(feature = "files")]
+impl Bytes {
+    fn new() -> Self {
+        let byte = |light: f32| (srgb_code(light) * 255.0 + 0.5) as u8;
+        // Nothing reaches what is no number: behind the last code there is none.
+        let mut from = [f32::NAN; 257];
+        from[0] = 0.0;
+        for code in 1..=255u8 {
+            // Bits of positive floats rise with them.
+            let (mut below, mut least) = (0u32, 1f32.to_bits());
+            while least - below > 1 {
+                let middle = below.midpoint(least);
+                if byte(f32::from_bits(middle)) >= code { least = middle } else { below = middle }
+            }
+            from[usize::from(code)] = f32::from_bits(least);
+        }
+        Self { from, starts: (0..=STEPS).map(|i| byte(i as f32 / STEPS as f32)).collect() }
+    }
+}
+
+#[cfg(all(test, feature = "files"))]
+mod tests {
+    use super::{srgb_byte, srgb_code};
+
+    #[test]
+    fn bytes_are_the_curve_rounded() {
+        let step = |i: u32| i as f32 / 1_000_003.0;
+        for x in (0..1_100_000).map(step).chain([-1.0, f32::NAN, f32::INFINITY, 1e-30]) {
+            assert_eq!(srgb_byte(x), (srgb_code(x) * 255.0 + 0.5) as u8, "{x}");
+        }
+    }
+}

@@ -3,7 +3,7 @@
 use std::io::Cursor;
 
 use crate::formats::Reader;
-use crate::light::srgb_code;
+use crate::light::srgb_byte;
 use crate::reconstruct::{tfi_at, tfp};
 use crate::simulate::Glance;
 use crate::spikes::{Packed, bit};
@@ -27,7 +27,7 @@ const LETTERS: u8 = 220;
 
 /// Linear values as 8-bit sRGB, `white` and above being white.
 pub(crate) fn grey(values: &[f32], white: f32, geometry: Geometry) -> GrayImage {
-    let level = |v: f32| (srgb_code(v / white) * 255.0 + 0.5) as u8;
+    let level = |v: f32| srgb_byte(v / white);
     from_levels(values.iter().map(|&v| level(v)), geometry)
 }
 

@@ -6,7 +6,7 @@ use image::{ExtendedColorType, ImageEncoder};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Kind, Result};
-use crate::light::srgb_code;
+use crate::light::srgb_byte;
 use crate::npy::{self, Element};
 use crate::spikes::Geometry;
 
@@ -63,8 +63,8 @@ impl ImageForm {
     pub fn encode(self, light: &[f32], geometry: Geometry) -> Result<Vec<u8>> {
         match self {
             Self::U8 => {
-                let code = |&x: &f32| (srgb_code(x) * 255.0 + 0.5) as u8;
-                png(&light.iter().map(code).collect::<Vec<_>>(), geometry, ExtendedColorType::L8)
+                let bytes: Vec<u8> = light.iter().map(|&x| srgb_byte(x)).collect();
+                png(&bytes, geometry, ExtendedColorType::L8)
             }
             Self::U16 => {
                 let code = |x: &f32| ((x.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16).to_ne_bytes();
