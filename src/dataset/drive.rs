@@ -2,13 +2,17 @@
 
 use crate::error::{Error, Kind, Result};
 use crate::light::{Frame, OwnedSamples, Rate, Source};
-use crate::scene::{self, KeyPlan, Rendered, Scene, Warp};
+use crate::scene::{self, KeyPlan, Rendered, Scene};
 use crate::spikes::Geometry;
+
+/// Readouts of a span lie within this time, and their light within this many bytes.
+const LONGEST_S: f64 = 5e-3;
+const LONGEST_BYTES: usize = 64 << 20;
 
 /// The light of a scene at every readout, in units of a white luminance.
 ///
-/// Key frames are rendered; readouts between two of them are warped, on all threads at once.
-/// Memory holds two key frames and the readouts between them.
+/// The picture is rendered in tiles, each as often as what it shows moves by half a pixel; readouts between
+/// are carried along the motion. Memory holds the readouts of a span of at most 5 ms.
 pub struct Drive {
     scene: Scene,
     plan: KeyPlan,
@@ -17,7 +21,8 @@ pub struct Drive {
     rate: Rate,
     samples: scene::SamplesPerPixel,
     threads: usize,
-    keys: Option<(usize, Rendered, Rendered)>,
+    /// The render of the readout behind those that are ready.
+    following: Option<Rendered>,
     ready: Vec<Vec<f32>>,
     ready_from: usize,
     next: usize,
@@ -59,7 +64,7 @@ impl Drive {
             rate,
             samples,
             threads: threads.max(1),
-            keys: None,
+            following: None,
             ready: Vec::new(),
             ready_from: 0,
             next: 0,
@@ -108,53 +113,31 @@ impl Drive {
         self.scene.render(self.plan.readouts[readout], self.samples, self.threads)
     }
 
-    /// Prepares the readouts from key frame `k` up to the next one.
-    fn stretch(&mut self, k: usize) -> Result<()> {
-        let from = self.plan.keys[k];
+    /// Prepares the readouts from `from` on, up to the end of its span.
+    fn stretch(&mut self, from: usize) -> Result<()> {
+        let first = match self.following.take() {
+            Some(first) => first,
+            None => self.render(from)?,
+        };
         self.ready_from = from;
-        let Some(&to) = self.plan.keys.get(k + 1) else {
-            // The last key frame is the last readout.
-            let light = match self.keys.take() {
-                Some((key, _, late)) if key + 1 == k => late.light,
-                _ => self.render(from)?.light,
-            };
-            self.ready = vec![light];
+        let steps = self.plan.readouts.len() - 1 - from;
+        if steps == 0 {
+            self.ready = vec![first.light];
             return Ok(());
-        };
-        let early = match self.keys.take() {
-            Some((key, _, late)) if key + 1 == k => late,
-            _ => self.render(from)?,
-        };
-        let late = self.render(to)?;
-        self.ready = warped(&self.scene, &early, &late, &self.plan.readouts[from..to], self.threads)?;
-        self.keys = Some((k, early, late));
+        }
+        // Spans of about equal length, so that none is short at the end.
+        let to = from + steps.div_ceil(steps.div_ceil(self.longest()));
+        let span = self.scene.span(first, &self.plan.readouts[from..=to], self.samples, self.threads);
+        self.ready = span.light;
+        self.following = Some(span.last);
         Ok(())
     }
-}
 
-/// Light at `times`, shared between threads in runs of neighbours.
-fn warped(
-    scene: &Scene,
-    early: &Rendered,
-    late: &Rendered,
-    times: &[f64],
-    threads: usize,
-) -> Result<Vec<Vec<f32>>> {
-    let warp = Warp::new(scene, early, late)?;
-    let each = times.len().div_ceil(threads).max(1);
-    let one = |part: &[f64]| part.iter().map(|&t| warp.light(t)).collect::<Result<Vec<_>>>();
-    if threads == 1 || times.len() == 1 {
-        return one(times);
+    /// Steps of the longest span: lights change even where nothing moves, and memory ends.
+    fn longest(&self) -> usize {
+        let most = LONGEST_BYTES / (size_of::<f32>() * self.geometry.pixels());
+        ((LONGEST_S * self.rate.hz()) as usize).min(most).max(1)
     }
-    std::thread::scope(|scope| {
-        let parts: Vec<_> = times.chunks(each).map(|part| scope.spawn(move || one(part))).collect();
-        let mut all = Vec::with_capacity(times.len());
-        for part in parts {
-            let part = part.join().map_err(|_| Error::new(Kind::Io, "a thread that warps light"))?;
-            all.extend(part?);
-        }
-        Ok(all)
-    })
 }
 
 impl Source for Drive {
@@ -171,8 +154,7 @@ impl Source for Drive {
             return Ok(false);
         }
         if self.next >= self.ready_from + self.ready.len() {
-            let k = self.plan.keys.partition_point(|&key| key <= self.next) - 1;
-            self.stretch(k)?;
+            self.stretch(self.next)?;
         }
         let light = std::mem::take(&mut self.ready[self.next - self.ready_from]);
         let scale = 1.0 / self.white_cd_m2;
@@ -187,11 +169,10 @@ impl Source for Drive {
 
     fn describe(&self) -> String {
         format!(
-            "driving scene {} ({}), {} readouts, {} key frames, up to {:.3} px per readout",
+            "driving scene {} ({}), {} readouts, up to {:.3} px per readout",
             self.scene.seed(),
             self.scene.lighting().name(),
             self.plan.readouts.len(),
-            self.plan.keys.len(),
             self.plan.max_px_per_readout
         )
     }

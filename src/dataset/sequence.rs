@@ -121,7 +121,7 @@ fn drive(
         "clear_transfer": "srgb",
         "ground_truth": ground_truth(options.structure),
         "label_readouts": labelled, "max_px_per_readout": plan.max_px_per_readout,
-        "key_frames": plan.keys.len(), "too_fast": plan.too_fast(),
+        "too_fast": plan.too_fast(),
         "needed_readout_hz": plan.needed_hz(rate.hz()) as u64,
         "frames_beyond_greatest_light": outcome.too_bright,
     });

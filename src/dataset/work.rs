@@ -123,7 +123,7 @@ impl Drives {
             vehicles: None,
             speed_kmh: None,
             white_cd_m2: None,
-            samples: SamplesPerPixel::Four,
+            samples: SamplesPerPixel::Sixteen,
             npy: false,
             kitti: false,
             exr: false,

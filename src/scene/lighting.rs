@@ -89,6 +89,17 @@ pub(super) struct Light {
     pub flicker: Option<(f64, f32)>,
 }
 
+/// What lights every surface, whatever it is: the open sky, and what ground and fronts throw back.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Surround {
+    /// Illuminance of the open sky on a horizontal surface.
+    pub sky_lux: Vec3,
+    /// Illuminance from where no sky is seen.
+    pub around: Vec3,
+    /// Level unit vector towards sun or moon.
+    pub sun_side: Vec3,
+}
+
 /// A colour scaled to luminance 1.
 fn tint(r: f32, g: f32, b: f32) -> Vec3 {
     let c = Vec3::new(r, g, b);
@@ -227,6 +238,16 @@ impl Light {
         let near32 = near8 * near8 * near8 * near8;
         sky += self.sun * (0.04 * near32 * near32 * near32);
         sky
+    }
+
+    /// The light that comes from all sides.
+    pub(crate) fn surround(&self) -> Surround {
+        let sky_lux = self.sky_lux();
+        // Ground and fronts are lit a quarter as brightly as they could be.
+        let around =
+            (self.sun * (0.45 * self.sun_way.z.max(0.12)) + sky_lux * 0.55) * Vec3::new(0.23, 0.215, 0.19);
+        let sun_side = Vec3::new(self.sun_way.x, self.sun_way.y, 0.0).normalize_or_zero();
+        Surround { sky_lux, around, sun_side }
     }
 
     /// Illuminance of the open sky on a horizontal surface.

@@ -27,7 +27,7 @@ mod shapes;
 mod truth;
 mod world;
 
-pub use drawing::render::{Labels, Rendered, SamplesPerPixel};
+pub use drawing::picture::{Labels, Rendered, SamplesPerPixel};
 pub use drive::camera::{Camera, Intrinsics, Pose};
 pub use drive::vehicle::VehicleClass;
 pub use glam::{DMat3, DVec3};

@@ -1,5 +1,7 @@
 //! The scene: its city, its traffic and its light, all from one seed.
 
+use std::sync::OnceLock;
+
 use super::city::City;
 use super::drive::camera::{Camera, Intrinsics, Mount};
 use super::drive::motion::{Motion, Stance, stance_of};
@@ -9,6 +11,7 @@ use super::options::{SLOWEST_KMH, SceneOptions, check};
 use super::random::Draws;
 use super::shapes::grid::Grid;
 use super::shapes::mesh::TRIANGLE_BITS;
+use super::shapes::sunward::Sunward;
 use crate::error::{Error, Kind, Result};
 
 /// Road that exists behind the start and beyond the end of the drive.
@@ -27,6 +30,8 @@ pub struct Scene {
     pub(super) mount: Mount,
     pub(super) light: Light,
     pub(super) lamp_grid: Grid,
+    /// Made when a shadow is first asked for.
+    sunward: OnceLock<Sunward>,
 }
 
 impl Scene {
@@ -70,6 +75,7 @@ impl Scene {
             intrinsics,
             span,
             lamp_grid: Grid::new(8.0, &lamps),
+            sunward: OnceLock::new(),
             light: Light::random(seed, lighting, options.flicker_hz),
             mount: Mount::random(seed),
             city,
@@ -126,6 +132,11 @@ impl Scene {
             .found(format_args!("{t} s"))
             .expected(format_args!("0 to {} s", self.duration_s))
             .remedy("ask for a longer duration when the scene is made"))
+    }
+
+    /// What stands between places of the city and its sun or moon.
+    pub(super) fn sunward(&self) -> &Sunward {
+        self.sunward.get_or_init(|| Sunward::new(self.city.mesh.soup(), self.light.sun_way))
     }
 
     pub(super) fn stance(&self, motion: &Motion, t: f64) -> Stance {

@@ -120,7 +120,8 @@ fn ground_truth_of_a_scene_is_drawn_for_its_readout_whatever_the_spacing_of_imag
         )
         .unwrap();
         let drive =
-            Drive::new(scene, all.rate().unwrap(), readouts.into(), None, SamplesPerPixel::Four, 1).unwrap();
+            Drive::new(scene, all.rate().unwrap(), readouts.into(), None, SamplesPerPixel::Sixteen, 1)
+                .unwrap();
         let error = |readout: u32| -> f32 {
             let light = drive.light(readout.into()).unwrap().to_f32();
             let found = codes(&made.join("gt.png"));

@@ -2,6 +2,7 @@
 
 #[cfg(feature = "scene")]
 mod boxes;
+mod drive;
 #[cfg(feature = "scene")]
 mod flow;
 mod light;

@@ -1,7 +1,7 @@
 //! How far the light of a drive is from true renders of the same instants.
 //!
-//! A true render has sixteen samples a pixel. At the edges of things a drawn readout has fewer, and so errs
-//! there even where it is rendered for its very instant; edges are therefore told apart. Nothing here is timed.
+//! A true render has sixteen samples a pixel, and so has what a drive draws. At the edges of things an error is
+//! that of a place, inside them one of light; edges are therefore told apart. Nothing here is timed.
 
 use std::fmt::Write as _;
 
@@ -16,7 +16,7 @@ use crate::cli::making::drawn;
 const LIGHTS: [Lighting; 3] = [Lighting::Noon, Lighting::Overcast, Lighting::Night];
 const SEEDS: [u64; 3] = [1, 2, 3];
 const READOUT_HZ: u64 = 20_000;
-/// Readouts of each drive, and those that are compared: every thirteenth, which meets all steps of key frames.
+/// Readouts of each drive, and those that are compared: every thirteenth.
 const READOUTS: u64 = 200;
 const FIRST: u64 = 6;
 const EVERY: u64 = 13;
@@ -57,7 +57,6 @@ pub(crate) struct Row {
     lighting: Lighting,
     drawn: String,
     edges: bool,
-    samples: u32,
     pixels: usize,
     mean: f64,
     /// 99th and 99.9th percentile, and the greatest.
@@ -65,18 +64,18 @@ pub(crate) struct Row {
 }
 
 impl Row {
-    fn of(lighting: Lighting, drawn: &str, (edges, samples): (bool, u32), mut errors: Vec<f32>) -> Self {
+    fn of(lighting: Lighting, drawn: &str, edges: bool, mut errors: Vec<f32>) -> Self {
         let n = errors.len().max(1);
         let mean = errors.iter().map(|&e| f64::from(e)).sum::<f64>() / n as f64;
         errors.sort_unstable_by(f32::total_cmp);
         let at = |share: f64| errors.get(((n - 1) as f64 * share) as usize).copied().unwrap_or(0.0);
         let tail = [at(0.99), at(0.999), at(1.0)];
-        Self { lighting, drawn: drawn.to_owned(), edges, samples, pixels: errors.len(), mean, tail }
+        Self { lighting, drawn: drawn.to_owned(), edges, pixels: errors.len(), mean, tail }
     }
 
     pub(crate) fn json(&self) -> Value {
         json!({"lighting": self.lighting.name(), "drawn": self.drawn, "edges": self.edges,
-            "samples": self.samples, "pixels": self.pixels, "mean_percent": self.mean,
+            "pixels": self.pixels, "mean_percent": self.mean,
             "p99_percent": self.tail[0], "p999_percent": self.tail[1], "greatest_percent": self.tail[2]})
     }
 }
@@ -88,15 +87,15 @@ impl Row {
 pub(crate) fn measure(threads: usize) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     for lighting in LIGHTS {
-        // Per cadence: inside against 16 samples, at edges against 16, inside and at edges against 4.
-        let mut errors: [[Vec<f32>; 4]; 2] = Default::default();
+        // Per cadence: inside and at edges.
+        let mut errors: [[Vec<f32>; 2]; 2] = Default::default();
         for seed in SEEDS {
             one(lighting, seed, threads, &mut errors)?;
         }
         for (cadence, errors) in Cadence::ALL.into_iter().zip(errors) {
             let name = cadence.plan()?.2;
-            for (of, e) in [(false, 16), (true, 16), (false, 4), (true, 4)].into_iter().zip(errors) {
-                rows.push(Row::of(lighting, &name, of, e));
+            for (edges, errors) in [false, true].into_iter().zip(errors) {
+                rows.push(Row::of(lighting, &name, edges, errors));
             }
         }
     }
@@ -104,7 +103,7 @@ pub(crate) fn measure(threads: usize) -> Result<Vec<Row>> {
 }
 
 /// Adds the errors of one drive.
-fn one(lighting: Lighting, seed: u64, threads: usize, errors: &mut [[Vec<f32>; 4]; 2]) -> Result<()> {
+fn one(lighting: Lighting, seed: u64, threads: usize, errors: &mut [[Vec<f32>; 2]; 2]) -> Result<()> {
     let options = SceneOptions {
         lighting: Some(lighting),
         duration_s: READOUTS as f64 / READOUT_HZ as f64 + 2.0 / drawn::DRIVE_FRAMES_PER_S as f64,
@@ -115,16 +114,13 @@ fn one(lighting: Lighting, seed: u64, threads: usize, errors: &mut [[Vec<f32>; 4
     let lights = lights.into_iter().collect::<Result<Vec<_>>>()?;
     for (k, readout) in (FIRST..READOUTS).step_by(EVERY as usize).enumerate() {
         let t = readout as f64 / READOUT_HZ as f64;
-        let fine = scene.render(t, SamplesPerPixel::Sixteen, threads)?;
-        let same = scene.render(t, SamplesPerPixel::Four, threads)?;
-        let edges = edges(&fine.labels);
+        let truth = scene.render(t, SamplesPerPixel::Sixteen, threads)?;
+        let edges = edges(&truth.labels);
         let white = scene.white_cd_m2();
         for (light, errors) in lights.iter().zip(&mut *errors) {
-            for (truth, errors) in [&fine.light, &same.light].into_iter().zip(errors.chunks_mut(2)) {
-                for ((&x, &y), &edge) in light[k].iter().zip(truth).zip(&edges) {
-                    let error = 100.0 * (x.min(MOST) - (y / white).min(MOST)).abs();
-                    errors[usize::from(edge)].push(error);
-                }
+            for ((&x, &y), &edge) in light[k].iter().zip(&truth.light).zip(&edges) {
+                let error = 100.0 * (x.min(MOST) - (y / white).min(MOST)).abs();
+                errors[usize::from(edge)].push(error);
             }
         }
     }
@@ -136,7 +132,7 @@ fn light(cadence: Cadence, seed: u64, options: &SceneOptions, threads: usize) ->
     let (rate, timeline, _) = cadence.plan()?;
     let frames = timeline.at(READOUTS - 1).frame + 2;
     let scene = Scene::random(seed, options)?;
-    let mut drive = Drive::new(scene, rate, frames, None, SamplesPerPixel::Four, threads)?;
+    let mut drive = Drive::new(scene, rate, frames, None, drawn::DRIVE_SAMPLES, threads)?;
     let mut frame = Frame::dark(drive.geometry());
     let mut all = Vec::new();
     while drive.next_frame(&mut frame)? {
@@ -171,20 +167,19 @@ fn edges(labels: &Labels) -> Vec<bool> {
 /// The table as Markdown.
 pub(crate) fn text(rows: &[Row]) -> String {
     let mut text = format!(
-        "Light of readouts against renders of their instants, 400x250 at {READOUT_HZ} Hz: scenes of the seeds {SEEDS:?}, \
+        "Light of readouts against renders of their instants with 16 samples a pixel, 400x250 at {READOUT_HZ} Hz: scenes of the seeds {SEEDS:?}, \
          readouts {FIRST}, {}, ... below {READOUTS}, in per cent of white (what exceeds {MOST} times white counts as that). \
          \"Edges\" are pixels beside which another thing or depth begins.\n\n",
         FIRST + EVERY
     );
-    text += "| light | drawn | truth | pixels | mean | 99 % | 99.9 % | greatest |\n|---|---|---|--:|--:|--:|--:|--:|\n";
+    text += "| light | drawn | pixels | mean | 99 % | 99.9 % | greatest |\n|---|---|--:|--:|--:|--:|--:|\n";
     for r in rows {
         let _ = writeln!(
             text,
-            "| {}, {} | {} | {} samples | {} | {:.4} | {:.3} | {:.2} | {:.1} |",
+            "| {}, {} | {} | {} | {:.4} | {:.3} | {:.2} | {:.1} |",
             r.lighting.name(),
             if r.edges { "edges" } else { "inside" },
             r.drawn,
-            r.samples,
             r.pixels,
             r.mean,
             r.tail[0],

@@ -16,11 +16,14 @@ const FRAMES_PER_S: u64 = 1000;
 const CHART_READOUTS: u64 = 4000;
 
 /// Frames per second of a drive when nobody says otherwise: every eighth readout at 20 kHz. Most of
-/// the street moves less than half a pixel from one to the next; a frame takes some 40 ms to draw.
+/// the street moves less than half a pixel from one to the next.
 pub(crate) const DRIVE_FRAMES_PER_S: u64 = 2500;
 
 /// What the light of anything drawn does between its frames when nobody says otherwise.
 pub(crate) const DRAWN_INSERTION: Insertion = Insertion::Hold;
+
+/// Colour samples of a drive's pixels: what is rendered is carried over many frames.
+pub(crate) const DRIVE_SAMPLES: scene::SamplesPerPixel = scene::SamplesPerPixel::Sixteen;
 
 /// Readouts of a drive when nobody says otherwise: a fortieth of a second at 20 kHz.
 const DRIVE_READOUTS: u64 = 500;
@@ -100,7 +103,7 @@ impl LightArgs {
         };
         let scene = Scene::random(self.scene_seed.unwrap_or(DEFAULT_SCENE), &options)?;
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        let drive = Drive::new(scene, rate, frames, None, scene::SamplesPerPixel::Four, threads)?;
+        let drive = Drive::new(scene, rate, frames, None, DRIVE_SAMPLES, threads)?;
         let warnings = self.too_fast(drive.plan(), rate, readout).into_iter().collect();
         let source = Box::new(drive);
         Ok(Light { source, timeline, readouts: Some(readouts), rate: Some(rate), warnings })

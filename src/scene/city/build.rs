@@ -1,5 +1,8 @@
 //! How a city is built: the ground, what stands on it, and the sky that each place of it sees.
 
+use std::sync::atomic::AtomicU32;
+use std::sync::atomic::Ordering::Relaxed;
+
 use glam::Vec3;
 
 use super::district::District;
@@ -8,7 +11,7 @@ use super::{buildings, furniture, ground, trees};
 use crate::scene::drive::road::Road;
 use crate::scene::random::Draws;
 use crate::scene::shapes::bvh::Bvh;
-use crate::scene::shapes::mesh::Mesh;
+use crate::scene::shapes::mesh::{Mesh, UNBAKED};
 
 impl City {
     /// Builds the city along `[start_s, end_s]`; `tunnel` covers that stretch of it.
@@ -25,6 +28,7 @@ impl City {
             tunnel,
             canyon: (0.0, 0.0),
             bvh: Bvh::new(std::iter::empty()),
+            baked: Vec::new(),
             sky_along: Vec::new(),
             start_s,
         };
@@ -41,7 +45,7 @@ impl City {
     fn bake(&mut self, end_s: f64) {
         let bvh = &self.bvh;
         self.mesh.bake_small(6.0, |p| sky_visibility(bvh, p, Vec3::Z));
-        self.mesh.bake(|p, n| sky_visibility(bvh, p, n));
+        self.baked = self.mesh.vertices.iter().map(|v| AtomicU32::new(v.sky.to_bits())).collect();
         let count = ((end_s - self.start_s) / SKY_STEP_M) as usize + 2;
         self.sky_along = (0..count)
             .map(|i| {
@@ -49,6 +53,21 @@ impl City {
                 sky_visibility(&self.bvh, p, Vec3::Z)
             })
             .collect();
+    }
+}
+
+impl City {
+    /// Share of the sky that a vertex sees. The rays of a large thing's vertex are shot when it is first seen:
+    /// a drive passes few of them. Threads that do so at once find the same.
+    pub(crate) fn sky(&self, vertex: usize) -> f32 {
+        let known = f32::from_bits(self.baked[vertex].load(Relaxed));
+        if known != UNBAKED {
+            return known;
+        }
+        let v = &self.mesh.vertices[vertex];
+        let sky = sky_visibility(&self.bvh, v.position, v.normal);
+        self.baked[vertex].store(sky.to_bits(), Relaxed);
+        sky
     }
 }
 
@@ -93,8 +112,11 @@ mod tests {
     }
 
     #[test]
-    fn sky_is_baked_for_every_vertex() {
+    fn every_vertex_sees_a_share_of_the_sky_and_the_same_again() {
         let city = City::random(4, -100.0, 300.0, None);
-        assert!(city.mesh.vertices.iter().all(|v| (0.0..=1.0).contains(&v.sky)));
+        for vertex in (0..city.mesh.vertices.len()).step_by(17) {
+            let sky = city.sky(vertex);
+            assert!((0.0..=1.0).contains(&sky) && city.sky(vertex) == sky, "{vertex}: {sky}");
+        }
     }
 }

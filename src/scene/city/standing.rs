@@ -1,5 +1,7 @@
 //! Everything that stands still, as data.
 
+use std::sync::atomic::AtomicU32;
+
 use glam::{Vec2, Vec3};
 
 use super::district::District;
@@ -36,6 +38,8 @@ pub(in crate::scene) struct City {
     /// road: what a reflection sees.
     pub canyon: (f32, f32),
     pub bvh: Bvh,
+    /// Bits of the sky visibility of every vertex, as far as it was asked for.
+    pub(super) baked: Vec<AtomicU32>,
     /// Sky visibility along the middle of the road, every `SKY_STEP_M` from its start.
     pub(super) sky_along: Vec<f32>,
     pub(super) start_s: f64,

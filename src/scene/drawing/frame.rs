@@ -5,6 +5,7 @@ use glam::{DAffine3, DVec3, Mat3, Vec2, Vec3};
 use crate::scene::drive::camera::Camera;
 use crate::scene::drive::motion::{Motion, Stance};
 use crate::scene::drive::vehicle::Shape;
+use crate::scene::lighting::Surround;
 use crate::scene::shapes::grid::Grid;
 use crate::scene::shapes::mesh::Mesh;
 use crate::scene::world::Scene;
@@ -76,6 +77,7 @@ pub(in crate::scene) struct Frame<'a> {
     pub near: Grid,
     pub beams: Vec<Beam>,
     pub lit_by: Grid,
+    pub surround: Surround,
     /// Left of the road where the camera is.
     pub left: Vec3,
     /// How far the camera looks through the tunnel before it sees daylight.
@@ -97,6 +99,7 @@ impl<'a> Frame<'a> {
             near: Grid::default(),
             beams: Vec::new(),
             lit_by: Grid::default(),
+            surround: scene.light.surround(),
             left: Vec3::Y,
             dark_m: 0.0,
         };

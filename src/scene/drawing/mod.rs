@@ -3,7 +3,10 @@
 pub(super) mod fragment;
 pub(super) mod frame;
 pub(super) mod parallel;
+pub(super) mod picture;
 pub(super) mod raster;
 pub(super) mod render;
+mod see;
 pub(super) mod shade;
 pub(super) mod texture;
+pub(super) mod tiles;

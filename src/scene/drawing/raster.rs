@@ -9,12 +9,11 @@
 use glam::Vec3;
 
 use super::frame::Frame;
+use super::tiles::Tiles;
 use crate::scene::shapes::mesh::TRIANGLE_BITS;
 
 /// No triangle.
 pub(in crate::scene) const NOTHING: u32 = u32::MAX;
-/// Rows of pixels that are rasterised together.
-pub(in crate::scene) const BAND_ROWS: usize = 16;
 /// Nothing is drawn closer to the camera than this.
 pub(in crate::scene) const NEAR_M: f32 = 0.15;
 
@@ -71,8 +70,8 @@ pub(in crate::scene) struct Batch {
     high: f32,
 }
 
-/// The chunks that may be in view, as (part, chunk), city first.
-pub(in crate::scene) fn visible_chunks(frame: &Frame) -> Vec<(usize, usize)> {
+/// The chunks that may be in view of a tile that is drawn, as (part, chunk), city first.
+pub(in crate::scene) fn visible_chunks(frame: &Frame, tiles: &Tiles) -> Vec<(usize, usize)> {
     let i = &frame.camera.intrinsics;
     let f = i.focal_px as f32;
     let side = |reach: f32| (reach, (f * f + reach * reach).sqrt());
@@ -85,7 +84,7 @@ pub(in crate::scene) fn visible_chunks(frame: &Frame) -> Vec<(usize, usize)> {
             let out = |along: f32, (reach, norm): (f32, f32)| (f * along - reach * c.z) / norm > chunk.radius;
             let away =
                 c.z < -chunk.radius || out(-c.x, left) || out(c.x, right) || out(-c.y, up) || out(c.y, down);
-            if !away {
+            if !away && around(frame, c, chunk.radius).is_none_or(|(low, high)| tiles.meet(low, high)) {
                 list.push((p, k));
             }
         }
@@ -93,8 +92,25 @@ pub(in crate::scene) fn visible_chunks(frame: &Frame) -> Vec<(usize, usize)> {
     list
 }
 
+/// A rectangle around the image of a sphere; none where the sphere reaches the camera's plane.
+fn around(frame: &Frame, c: Vec3, radius: f32) -> Option<((f32, f32), (f32, f32))> {
+    let i = &frame.camera.intrinsics;
+    let (near, far) = (c.z - radius, c.z + radius);
+    if near < NEAR_M {
+        return None;
+    }
+    // What lies left of the axis appears farthest left where it is nearest, and so on.
+    let low = |v: f32| if v < 0.0 { v / near } else { v / far };
+    let high = |v: f32| if v > 0.0 { v / near } else { v / far };
+    let at = |v: f32, axis: usize| v * i.focal_px as f32 + i.centre_px[axis] as f32;
+    Some((
+        (at(low(c.x - radius), 0), at(low(c.y - radius), 1)),
+        (at(high(c.x + radius), 0), at(high(c.y + radius), 1)),
+    ))
+}
+
 /// Projects one chunk.
-pub(in crate::scene) fn project(frame: &Frame, part: usize, chunk: usize) -> Batch {
+pub(in crate::scene) fn project(frame: &Frame, part: usize, chunk: usize, tiles: &Tiles) -> Batch {
     let body = &frame.parts[part];
     let chunk = &body.mesh.chunks[chunk];
     let first = chunk.vertices.start;
@@ -102,7 +118,7 @@ pub(in crate::scene) fn project(frame: &Frame, part: usize, chunk: usize) -> Bat
         .iter()
         .map(|v| body.to_camera(v.position))
         .collect();
-    let mut setup = Setup::new(frame);
+    let mut setup = Setup::new(frame, tiles);
     for t in chunk.triangles.clone() {
         let corners = body.mesh.triangles[t as usize].map(|v| points[(v - first) as usize]);
         let double = body.mesh.surface(t as usize).double_sided;
@@ -111,17 +127,19 @@ pub(in crate::scene) fn project(frame: &Frame, part: usize, chunk: usize) -> Bat
     setup.batch
 }
 
-struct Setup {
+struct Setup<'a> {
+    tiles: &'a Tiles,
     focal: f32,
     centre: (f32, f32),
     size: (f32, f32),
     batch: Batch,
 }
 
-impl Setup {
-    fn new(frame: &Frame) -> Self {
+impl<'a> Setup<'a> {
+    fn new(frame: &Frame, tiles: &'a Tiles) -> Self {
         let i = &frame.camera.intrinsics;
         Self {
+            tiles,
             focal: i.focal_px as f32,
             centre: (i.centre_px[0] as f32, i.centre_px[1] as f32),
             size: (i.width as f32, i.height as f32),
@@ -166,6 +184,9 @@ impl Setup {
         if high < 0.0 || low > self.size.1 || right < 0.0 || left > self.size.0 {
             return;
         }
+        if !self.tiles.meet((left, low), (right, high)) {
+            return;
+        }
         let (ax, ay) = (p[1].0 - p[0].0, p[1].1 - p[0].1);
         let (bx, by) = (p[2].0 - p[0].0, p[2].1 - p[0].1);
         let area = ax * by - bx * ay;
@@ -201,23 +222,33 @@ pub(in crate::scene) struct Band {
 }
 
 impl Band {
-    /// Rasterises all that reaches into the pixel rows `top .. top + rows`.
-    pub(crate) fn fill(batches: &[Batch], pattern: &Pattern, width: usize, top: usize, rows: usize) -> Self {
+    /// Rasterises all that reaches into some runs of columns of the pixel rows `top .. top + rows`.
+    pub(crate) fn fill(
+        batches: &[Batch],
+        pattern: &Pattern,
+        runs: &[(usize, usize)],
+        width: usize,
+        top: usize,
+        rows: usize,
+    ) -> Self {
         let count = width * rows * pattern.rows();
         let mut band =
             Self { width, samples: pattern.rows(), inverse: vec![0.0; count], ids: vec![NOTHING; count] };
+        if runs.is_empty() {
+            return band;
+        }
         let (low, high) = (top as f32, (top + rows) as f32);
         for batch in batches.iter().filter(|b| b.low < high && b.high > low) {
             for flat in &batch.flats {
                 if flat.y[0] < high && flat.y[2] > low {
-                    band.draw(flat, pattern, top, rows);
+                    band.draw(flat, pattern, runs, (top, rows));
                 }
             }
         }
         band
     }
 
-    fn draw(&mut self, flat: &Flat, pattern: &Pattern, top: usize, rows: usize) {
+    fn draw(&mut self, flat: &Flat, pattern: &Pattern, runs: &[(usize, usize)], (top, rows): (usize, usize)) {
         let first = (flat.y[0] as usize).max(top);
         let last = (flat.y[2] as usize).min(top + rows - 1);
         let [long, upper, lower] =
@@ -236,14 +267,16 @@ impl Band {
                     flat.x[1] + (y - flat.y[1]) * lower
                 };
                 let (left, right) = (a.min(b), a.max(b));
-                let from = (left - dx).ceil().max(0.0) as usize;
-                let to = ((right - dx).ceil().max(0.0) as usize).min(self.width);
-                if from < to {
-                    let x = from as f32 + dx - flat.x[0];
-                    let start = flat.inverse + flat.slope.0 * x + flat.slope.1 * (y - flat.y[0]);
-                    let line = ((row - top) * self.samples + k) * self.width;
-                    let range = line + from..line + to;
-                    span(&mut self.inverse[range.clone()], &mut self.ids[range], start, flat);
+                let (from, to) = (at_least(left - dx), at_least(right - dx));
+                let line = ((row - top) * self.samples + k) * self.width;
+                for &(first, end) in runs {
+                    let (from, to) = (from.max(first), to.min(end));
+                    if from < to {
+                        let x = from as f32 + dx - flat.x[0];
+                        let start = flat.inverse + flat.slope.0 * x + flat.slope.1 * (y - flat.y[0]);
+                        let range = line + from..line + to;
+                        span(&mut self.inverse[range.clone()], &mut self.ids[range], start, flat);
+                    }
                 }
             }
         }
@@ -254,10 +287,21 @@ impl Band {
         self.ids.iter().filter(|&&id| id != NOTHING).count() as u32
     }
 
+    /// The triangles at sample `k` of a row of pixels.
+    pub(crate) fn line(&self, row: usize, k: usize) -> &[u32] {
+        &self.ids[(row * self.samples + k) * self.width..][..self.width]
+    }
+
     /// The triangle at sample `k` of a pixel.
     pub(crate) fn id(&self, row: usize, column: usize, k: usize) -> u32 {
         self.ids[(row * self.samples + k) * self.width + column]
     }
+}
+
+/// The least index that is not below `x`; a call of the system's `ceil` takes longer.
+fn at_least(x: f32) -> usize {
+    let below = x as usize;
+    below + usize::from((below as f32) < x)
 }
 
 /// The depth test along a row; larger inverse depth is nearer.

@@ -20,7 +20,7 @@ pub(in crate::scene) fn sees_sun(frame: &Frame, p: &Bare) -> bool {
     }
     // Leaves look past their own tuft.
     let origin = p.world + if p.leaf { sun * 0.35 } else { p.facet * 0.03 };
-    if frame.scene.city.bvh.blocked(origin, sun, 0.0, 400.0) {
+    if frame.scene.sunward().blocked(origin, 400.0) {
         return false;
     }
     // Where the shadow of this point would fall tells who might cast one on it.
@@ -121,12 +121,11 @@ fn ambient(frame: &Frame, f: &Fragment, tunnel: f32) -> Vec3 {
     };
     let contact = under_vehicles(frame, f);
     seen *= contact;
-    let sky = light.sky_lux();
-    let flat = Vec3::new(light.sun_way.x, light.sun_way.y, 0.0).normalize_or_zero();
-    let glow = light.glow * (0.5 * n.dot(flat).max(0.0) * seen);
-    // What is not sky is ground and fronts, a quarter of them as bright as they could be.
-    let around = (light.sun * (0.45 * light.sun_way.z.max(0.12)) + sky * 0.55) * Vec3::new(0.23, 0.215, 0.19);
-    let outside = sky * seen + glow + around * ((1.0 - seen) * (0.35 + 0.65 * contact) * (1.0 - tunnel));
+    let surround = &frame.surround;
+    let glow = light.glow * (0.5 * n.dot(surround.sun_side).max(0.0) * seen);
+    let outside = surround.sky_lux * seen
+        + glow
+        + surround.around * ((1.0 - seen) * (0.35 + 0.65 * contact) * (1.0 - tunnel));
     if tunnel == 0.0 {
         return outside;
     }
@@ -208,8 +207,9 @@ fn lamps(frame: &Frame, f: &Fragment, look: &Look, arriving: &mut Arriving) {
     let scene = frame.scene;
     let place = f.world.truncate();
     let near = scene.lamp_grid.at(place);
-    let total: f32 = near.iter().filter_map(|&i| offer(frame, f, look, i)).map(|o| o.diffuse).sum();
-    for o in near.iter().filter_map(|&i| offer(frame, f, look, i)) {
+    let offers: Vec<Offer> = near.iter().filter_map(|&i| offer(frame, f, look, i)).collect();
+    let total: f32 = offers.iter().map(|o| o.diffuse).sum();
+    for o in offers {
         let origin = f.world + f.facet * 0.03 + if look.through > 0.0 { o.to * 0.35 } else { Vec3::ZERO };
         let reach = o.distance - 0.4;
         // Half of a faint lamp's light is a fair guess, and saves most rays.
@@ -264,7 +264,7 @@ fn beams(frame: &Frame, f: &Fragment, look: &Look, arriving: &mut Arriving) {
 fn environment(frame: &Frame, f: &Fragment, way: Vec3, tunnel: f32, rough: f32) -> Vec3 {
     let scene = frame.scene;
     let light = &scene.light;
-    let lux = light.sky_lux();
+    let lux = frame.surround.sky_lux;
     if tunnel > 0.5 {
         let streak =
             noise::smooth(0.55, 0.7, way.z) * noise::pulses(f.world.x + way.x * 4.0, 4.0, 0.0, 1.4, 0.3);

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::scene::drawing::render::Labels;
+use crate::scene::drawing::picture::Labels;
 use crate::scene::shapes::material::Semantic;
 use crate::scene::truth::boxes::VehicleBox;
 
@@ -76,7 +76,7 @@ fn runs(labels: &Labels, id: u32) -> Vec<u32> {
 
 #[cfg(test)]
 mod tests {
-    use crate::scene::drawing::render::Labels;
+    use crate::scene::drawing::picture::Labels;
 
     #[test]
     fn runs_go_down_the_columns_and_start_with_zeros() {

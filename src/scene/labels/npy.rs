@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::npy::{self, Element};
-use crate::scene::drawing::render::Labels;
+use crate::scene::drawing::picture::Labels;
 use crate::scene::truth::flow::Flow;
 
 fn array<const N: usize>(

@@ -4,7 +4,7 @@ use image::ExtendedColorType;
 
 use super::{expect_len, png};
 use crate::error::Result;
-use crate::scene::drawing::render::{Labels, Rendered};
+use crate::scene::drawing::picture::{Labels, Rendered};
 use crate::scene::shapes::material::Semantic;
 use crate::scene::truth::boxes::VehicleBox;
 use crate::scene::truth::flow::Flow;

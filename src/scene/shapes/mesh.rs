@@ -6,8 +6,8 @@ use glam::{Vec2, Vec3};
 
 use super::material::Material;
 
-/// The sky visibility that stands for "bake me".
-const UNBAKED: f32 = -1.0;
+/// The sky visibility that stands for one that is not known yet.
+pub(in crate::scene) const UNBAKED: f32 = -1.0;
 
 /// Bits of a sample's number that name the triangle within its part.
 pub(in crate::scene) const TRIANGLE_BITS: u32 = 20;

@@ -5,3 +5,4 @@ pub(super) mod grid;
 pub(super) mod loft;
 pub(super) mod material;
 pub(super) mod mesh;
+pub(super) mod sunward;

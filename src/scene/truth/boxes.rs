@@ -5,8 +5,9 @@ use glam::{DVec3, Vec3};
 use crate::error::Result;
 
 use crate::scene::drawing::frame::Frame;
+use crate::scene::drawing::picture::Labels;
 use crate::scene::drawing::raster::{Band, NEAR_M, Pattern, project};
-use crate::scene::drawing::render::Labels;
+use crate::scene::drawing::tiles::Tiles;
 use crate::scene::drive::vehicle::VehicleClass;
 use crate::scene::world::Scene;
 
@@ -197,11 +198,12 @@ fn extent(frame: &Frame, parts: std::ops::Range<usize>) -> Option<[f32; 4]> {
 /// Pixel centres that the vehicle would cover if it were alone.
 fn alone(frame: &Frame, parts: std::ops::Range<usize>, extent: [f32; 4]) -> u32 {
     let (w, h) = (frame.camera.intrinsics.width as usize, frame.camera.intrinsics.height as usize);
+    let tiles = Tiles::all(w, h);
     let batches: Vec<_> = parts
         .flat_map(|p| (0..frame.parts[p].mesh.chunks.len()).map(move |k| (p, k)))
-        .map(|(p, k)| project(frame, p, k))
+        .map(|(p, k)| project(frame, p, k, &tiles))
         .collect();
     let top = (extent[1].max(0.0) as usize).min(h - 1);
     let rows = (extent[3].ceil().max(0.0) as usize).min(h).saturating_sub(top).max(1);
-    Band::fill(&batches, &Pattern::new(0), w, top, rows).covered()
+    Band::fill(&batches, &Pattern::new(0), &[(0, w)], w, top, rows).covered()
 }

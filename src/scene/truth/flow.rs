@@ -6,7 +6,7 @@ use crate::error::{Error, Kind, Result};
 
 use crate::scene::drawing::frame::Frame;
 use crate::scene::drawing::parallel;
-use crate::scene::drawing::render::Labels;
+use crate::scene::drawing::picture::Labels;
 use crate::scene::drive::camera::{Camera, Intrinsics};
 use crate::scene::world::Scene;
 
@@ -26,6 +26,13 @@ pub struct Flow {
     pub occluded: Vec<bool>,
 }
 
+/// Where the camera and all rigid parts are at one instant.
+pub(in crate::scene) struct Instant {
+    camera: Camera,
+    /// From each part's coordinates to the world's; the city comes first.
+    poses: Vec<DAffine3>,
+}
+
 /// Rigid motions of all parts between two instants, in camera coordinates.
 pub(in crate::scene) struct Motions {
     focal: f32,
@@ -41,8 +48,7 @@ fn to_camera(camera: &Camera) -> DAffine3 {
 }
 
 impl Scene {
-    /// From every rigid part's coordinates to the world's; the city comes first.
-    pub(in crate::scene) fn poses(&self, t: f64) -> Vec<DAffine3> {
+    pub(in crate::scene) fn instant(&self, t: f64) -> Instant {
         let mut poses = vec![DAffine3::IDENTITY];
         for v in &self.traffic.vehicles {
             let stance = self.stance(&v.motion, t);
@@ -50,7 +56,7 @@ impl Scene {
             let parts = self.traffic.shapes[v.shape].parts(stance.rolled_m);
             poses.extend(parts.map(|(_, to_vehicle)| to_world * to_vehicle));
         }
-        poses
+        Instant { camera: self.camera_unchecked(t), poses }
     }
 
     /// Forward flow (where `to.t` is later) or backward flow from the labels
@@ -62,7 +68,7 @@ impl Scene {
     pub fn flow(&self, from: &Labels, to: &Labels, threads: usize) -> Result<Flow> {
         self.check_labels(from)?;
         self.check_labels(to)?;
-        let motions = self.motions(from.t, to.t);
+        let motions = self.motions(&self.instant(from.t), &self.instant(to.t));
         let frame = Frame::new(self, to.t);
         let start = Frame::new(self, from.t);
         let everyone: Vec<u16> =
@@ -102,16 +108,16 @@ impl Scene {
             .remedy("pass labels that this scene has made"))
     }
 
-    pub(in crate::scene) fn motions(&self, from: f64, to: f64) -> Motions {
-        let (a, b) = (self.camera_unchecked(from), self.camera_unchecked(to));
+    pub(in crate::scene) fn motions(&self, from: &Instant, to: &Instant) -> Motions {
+        let (a, b) = (from.camera, to.camera);
         let back = to_camera(&a).inverse();
         let there = to_camera(&b);
         let mut parts = vec![{
             let turn = b.pose.rotation * a.pose.rotation.transpose() - DMat3::IDENTITY;
             (turn.as_mat3(), Vec3::ZERO)
         }];
-        for (start, end) in self.poses(from).into_iter().zip(self.poses(to)) {
-            let whole = there * end * start.inverse() * back;
+        for (start, end) in from.poses.iter().zip(&to.poses) {
+            let whole = there * *end * start.inverse() * back;
             parts.push(((whole.matrix3 - DMat3::IDENTITY).as_mat3(), whole.translation.as_vec3()));
         }
         let Intrinsics { focal_px, centre_px, .. } = self.intrinsics;

@@ -13,7 +13,7 @@ const RESERVE: f64 = 1.15;
 const LONGEST_S: f64 = 5e-3;
 /// Key frames in one period of flickering lamps; linear light between them is
 /// then off by 1/2 (pi/24)^2, less than 1 % of the flicker.
-const PER_FLICKER: f64 = 24.0;
+pub(super) const PER_FLICKER: f64 = 24.0;
 
 /// Readouts of an interval and the key frames among them.
 #[derive(Clone, Debug, PartialEq)]
@@ -92,7 +92,7 @@ impl Scene {
         const STEP_S: f64 = 2e-5;
         let labels = self.labels(t, threads)?;
         let step = if t + STEP_S > self.duration_s { -STEP_S } else { STEP_S };
-        let motions = self.motions(t, t + step);
+        let motions = self.motions(&self.instant(t), &self.instant(t + step));
         let mut fastest = 0.0f32;
         for row in 0..labels.height {
             for column in 0..labels.width {

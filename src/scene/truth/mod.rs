@@ -3,4 +3,5 @@
 pub(super) mod boxes;
 pub(super) mod flow;
 pub(super) mod keyframes;
+pub(super) mod span;
 pub(super) mod warp;

@@ -7,7 +7,9 @@
 use crate::error::{Error, Kind, Result};
 use crate::interpolation::catmull_rom;
 
-use crate::scene::drawing::render::{Labels, Rendered};
+use crate::scene::drawing::picture::{Labels, Rendered};
+use crate::scene::drawing::texture::noise::floor;
+use crate::scene::truth::flow::Motions;
 use crate::scene::world::Scene;
 
 /// Two neighbouring key frames.
@@ -48,9 +50,7 @@ impl<'a> Warp<'a> {
         let share = ((t - a) / (b - a)) as f32;
         let mut out = moved(self.scene, self.early, t);
         if share > 0.0 {
-            for (o, l) in out.iter_mut().zip(moved(self.scene, self.late, t)) {
-                *o += (l - *o) * share;
-            }
+            mix(&mut out, &moved(self.scene, self.late, t), share);
         }
         Ok(out)
     }
@@ -62,35 +62,62 @@ fn moved(scene: &Scene, key: &Rendered, t: f64) -> Vec<f32> {
     if labels.t == t {
         return key.light.clone();
     }
-    let motions = scene.motions(labels.t, t);
-    let mut out = Vec::with_capacity(key.light.len());
-    for row in 0..labels.height {
-        for column in 0..labels.width {
-            let (dx, dy, _) = motions.at(labels, row, column);
-            out.push(sample(&key.light, labels, column as f32 - dx, row as f32 - dy));
-        }
+    let motions = scene.motions(&scene.instant(labels.t), &scene.instant(t));
+    let mut out = vec![0.0; key.light.len()];
+    for (row, out) in out.chunks_mut(labels.width).enumerate() {
+        carry(&motions, labels, &key.light, row, 0, out);
     }
     out
 }
 
+/// The light of a run of pixels of one row, from column `first` on, carried from where their points were.
+pub(in crate::scene) fn carry(
+    motions: &Motions,
+    labels: &Labels,
+    light: &[f32],
+    row: usize,
+    first: usize,
+    out: &mut [f32],
+) {
+    let (w, h) = (labels.width, labels.height);
+    for (i, out) in out.iter_mut().enumerate() {
+        let column = first + i;
+        let (dx, dy, _) = motions.at(labels, row, column);
+        let (x, y) = (column as f32 - dx, row as f32 - dy);
+        let ((x0, tx), (y0, ty)) = (floor(x), floor(y));
+        let (wx, wy) = (catmull_rom(tx), catmull_rom(ty));
+        let (x0, y0) = (x0 as isize - 1, y0 as isize - 1);
+        let inside = x0 >= 0 && y0 >= 0 && x0 as usize + 4 <= w && y0 as usize + 4 <= h;
+        *out = if inside {
+            let at = y0 as usize * w + x0 as usize;
+            between([0, 1, 2, 3].map(|j| taps(&light[at + j * w..])), wx, wy)
+        } else {
+            let clamp = |v: isize, n: usize| v.clamp(0, n as isize - 1) as usize;
+            let row = |j: isize| [0, 1, 2, 3].map(|i| light[clamp(y0 + j, h) * w + clamp(x0 + i, w)]);
+            between([0, 1, 2, 3].map(row), wx, wy)
+        };
+    }
+}
+
+fn taps(light: &[f32]) -> [f32; 4] {
+    [light[0], light[1], light[2], light[3]]
+}
+
 /// The image between pixels: bicubic, held within the four nearest, so that a
 /// lamp leaves no dark ring.
-fn sample(light: &[f32], labels: &Labels, x: f32, y: f32) -> f32 {
-    let (w, h) = (labels.width as isize, labels.height as isize);
-    let (x0, y0) = (x.floor(), y.floor());
-    let (wx, wy) = (catmull_rom(x - x0), catmull_rom(y - y0));
-    let (x0, y0) = (x0 as isize, y0 as isize);
-    let (mut sum, mut low, mut high) = (0.0, f32::MAX, f32::MIN);
-    for j in 0..4isize {
-        let row = (y0 + j - 1).clamp(0, h - 1) * w;
-        for i in 0..4isize {
-            let value = light[(row + (x0 + i - 1).clamp(0, w - 1)) as usize];
-            sum += wx[i as usize] * wy[j as usize] * value;
-            if (1..3).contains(&i) && (1..3).contains(&j) {
-                low = value.min(low);
-                high = value.max(high);
-            }
-        }
+fn between(taps: [[f32; 4]; 4], wx: [f32; 4], wy: [f32; 4]) -> f32 {
+    let mut sum = 0.0;
+    for (taps, wy) in taps.iter().zip(wy) {
+        let row = (taps[0] * wx[0] + taps[1] * wx[1]) + (taps[2] * wx[2] + taps[3] * wx[3]);
+        sum += row * wy;
     }
-    sum.clamp(low, high)
+    let [a, b, c, d] = [taps[1][1], taps[1][2], taps[2][1], taps[2][2]];
+    sum.clamp(a.min(b).min(c.min(d)), a.max(b).max(c.max(d)))
+}
+
+/// Moves `light` by `share` of the way to `late`.
+pub(in crate::scene) fn mix(light: &mut [f32], late: &[f32], share: f32) {
+    for (l, &late) in light.iter_mut().zip(late) {
+        *l += (late - *l) * share;
+    }
 }

@@ -32,7 +32,7 @@ fn road_paint(spot: &Spot, city: &City, s: f32, d: f32) -> f32 {
     let (fs, fd) = (spot.foot.x, spot.foot.y);
     let lane = LANE_M as f32;
     let edge = road.lanes as f32 * lane;
-    let (gap, junction) = junction_distance(city, s);
+    let (gap, sign) = nearest_junction(city, s);
     let open = inside(gap, 0.0, 1e6, fs);
     let mut paint = 0.0f32;
     // Centre: a double line on wide roads, dashes on narrow ones.
@@ -50,11 +50,11 @@ fn road_paint(spot: &Spot, city: &City, s: f32, d: f32) -> f32 {
     let line = inside(d.abs(), edge - 0.25, edge - 0.25 + LINE_M, fd);
     paint = paint.max(if road.parking_m > 0.0 { line * pulses(s, 2.0, 0.0, 1.0, fs) } else { line });
     paint *= open * inside(gap, 5.6, 1e6, fs);
-    if junction {
+    if gap < 12.0 {
         let zebra =
             inside(gap, 0.9, 3.9, fs) * pulses(d + 0.25, 1.0, 0.0, 0.5, fd) * inside(d, -edge, edge, fd);
         // The side that approaches the junction stops before it.
-        let approaching = (gap_sign(city, s) * d * road.hand as f32) > 0.0;
+        let approaching = (sign * d * road.hand as f32) > 0.0;
         let stop = inside(gap, 4.8, 5.25, fs)
             * inside(d.abs(), 0.3, edge - 0.3, fd)
             * f32::from(u8::from(approaching));
@@ -63,24 +63,18 @@ fn road_paint(spot: &Spot, city: &City, s: f32, d: f32) -> f32 {
     paint
 }
 
-/// Distance from the nearest side street's edge (negative inside), if any is near.
-fn junction_distance(city: &City, s: f32) -> (f32, bool) {
-    city.road
-        .junctions
-        .iter()
-        .map(|j| (s - j.s as f32).abs() - j.half_m as f32)
-        .min_by(f32::total_cmp)
-        .map_or((1e3, false), |g| (g, g < 12.0))
-}
-
-/// +1 past the nearest junction, -1 before it.
-fn gap_sign(city: &City, s: f32) -> f32 {
-    city.road
-        .junctions
-        .iter()
-        .map(|j| s - j.s as f32)
-        .min_by(|a, b| a.abs().total_cmp(&b.abs()))
-        .map_or(1.0, f32::signum)
+/// Distance from the nearest side street's edge (negative inside; far where there is none), and +1 past the
+/// middle of the nearest junction, -1 before it.
+fn nearest_junction(city: &City, s: f32) -> (f32, f32) {
+    let (mut gap, mut middle) = (1e3f32, f32::INFINITY);
+    for j in &city.road.junctions {
+        let past = s - j.s as f32;
+        gap = gap.min(past.abs() - j.half_m as f32);
+        if past.abs() < middle.abs() {
+            middle = past;
+        }
+    }
+    (gap, middle.signum())
 }
 
 /// A side street: dashes in the middle and a stop line at its mouth.
