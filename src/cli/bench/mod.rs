@@ -1,6 +1,7 @@
 //! `spikelane bench`: how fast this machine is, in about a minute.
 
 mod memory;
+mod processes;
 mod report;
 mod scalar;
 mod scene_error;
@@ -26,7 +27,7 @@ pub(crate) struct BenchArgs {
     /// About how long it may take
     #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
     pub seconds: f64,
-    /// A few seconds, with a file of a tenth the size; the figures are rough
+    /// A few seconds, with a file of a tenth the size and no whole processes; the figures are rough
     #[arg(long)]
     pub quick: bool,
     /// Where the files of the measurement are made (and removed)
@@ -73,7 +74,10 @@ fn scene_errors(args: &BenchArgs, json: bool) -> Result<()> {
         report::put_between(path, report::SCENE_ERROR, &text)?;
     }
     if json {
-        println!("{}", serde_json::json!({"scene_error": rows.iter().map(scene_error::Row::json).collect::<Vec<_>>()}));
+        println!(
+            "{}",
+            serde_json::json!({"scene_error": rows.iter().map(scene_error::Row::json).collect::<Vec<_>>()})
+        );
     } else {
         print!("{text}");
     }
@@ -84,8 +88,7 @@ fn measure(args: &BenchArgs) -> Result<Report> {
     let seconds = if args.quick { args.seconds.min(6.0) } else { args.seconds };
     // Some fifty cases share the time, beside what they need to be set up.
     let budget = Duration::from_secs_f64(seconds / 70.0);
-    let mut report =
-        Report { machine: Machine::here(), rows: Vec::new(), facts: Vec::new(), scenes: Vec::new() };
+    let mut report = Report { machine: Machine::here(), ..Report::default() };
     report.rows.push(memory::scalar(budget));
     kernels(budget, &mut report)?;
     bandwidth(budget, &mut report)?;
@@ -102,6 +105,10 @@ fn measure(args: &BenchArgs) -> Result<Report> {
     }
     report.facts.extend(stream::downstream(&args.directory, readouts / 10, budget)?);
     report.scenes = scenes::measure(all, budget)?;
+    report.stages = scenes::stages(budget)?;
+    if !args.quick {
+        report.processes = processes::measure(&args.directory)?;
+    }
     Ok(report)
 }
 

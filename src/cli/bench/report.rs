@@ -7,14 +7,14 @@ use std::process::Command;
 use crate::{Error, Kind, Result};
 use serde_json::{Value, json};
 
-use super::scenes::Drawn;
+use super::processes::Process;
+use super::scenes::{Drawn, STAGED, Stage};
 
 /// What follows this line in a page is kept when the page is written again.
 const MARKER: &str = "<!-- kept: what follows is written by hand -->";
 
 /// Around the table of scene errors in a page.
-pub(crate) const SCENE_ERROR: (&str, &str) =
-    ("<!-- scene error: begin -->\n", "<!-- scene error: end -->\n");
+pub(crate) const SCENE_ERROR: (&str, &str) = ("<!-- scene error: begin -->\n", "<!-- scene error: end -->\n");
 
 /// Pixel-readouts per second that a camera of this size and rate produces.
 const CAMERAS: [(&str, f64); 3] =
@@ -52,6 +52,7 @@ pub(crate) struct Fact {
 }
 
 /// Where and with what it was measured.
+#[derive(Default)]
 pub(crate) struct Machine {
     date: String,
     cpu: String,
@@ -91,11 +92,14 @@ fn said(command: &mut Command) -> String {
 }
 
 /// Everything that was measured.
+#[derive(Default)]
 pub(crate) struct Report {
     pub machine: Machine,
     pub rows: Vec<Row>,
     pub facts: Vec<Fact>,
     pub scenes: Vec<Drawn>,
+    pub stages: Vec<Stage>,
+    pub processes: Vec<Process>,
 }
 
 impl Report {
@@ -131,7 +135,27 @@ impl Report {
             let _ =
                 writeln!(text, "| {} | {threads} | {:.1} | {:.2} |", d.what, d.ms, d.ms * 15_000.0 / 3.6e6);
         }
+        text + &self.stages_text() + &self.processes_text()
+    }
+
+    fn stages_text(&self) -> String {
+        let lights = STAGED.map(|l| format!("{}, ms | ", l.name())).concat();
+        let mut text = format!("\n| stage of a key frame, one thread | {lights}\n|---|--:|--:|--:|\n");
+        for s in &self.stages {
+            let cells = s.ms.map(|ms| format!("{ms:.1} | ")).concat();
+            let _ = writeln!(text, "| {} | {}", s.what, cells.trim_end());
+        }
         text
+    }
+
+    fn processes_text(&self) -> String {
+        let mut text =
+            "\n| whole process | processor time, s | wall, s | real time |\n|---|--:|--:|--:|\n".to_owned();
+        for p in &self.processes {
+            let processor = p.processor_s.map_or_else(|| "not known here".to_owned(), |s| format!("{s:.2}"));
+            let _ = writeln!(text, "| {} | {processor} | {:.2} | {:.4} |", p.what, p.wall_s, p.of_real_time);
+        }
+        if self.processes.is_empty() { String::new() } else { text }
     }
 
     pub(crate) fn json(&self) -> Value {
@@ -148,7 +172,9 @@ impl Report {
             "commit": m.commit, "portable": m.lanes,
             "speeds": self.rows.iter().map(row).collect::<Vec<_>>(),
             "facts": self.facts.iter().map(fact).collect::<Vec<_>>(),
-            "scenes": self.scenes.iter().map(Drawn::json).collect::<Vec<_>>()})
+            "scenes": self.scenes.iter().map(Drawn::json).collect::<Vec<_>>(),
+            "stages": self.stages.iter().map(Stage::json).collect::<Vec<_>>(),
+            "processes": self.processes.iter().map(Process::json).collect::<Vec<_>>()})
     }
 
     /// Writes the page, keeping what was written by hand behind the marker.
@@ -172,5 +198,6 @@ pub(crate) fn put_between(path: &Path, (begin, end): (&str, &str), text: &str) -
             .found("no place for the table")
             .expected(format_args!("the lines {} and {}", begin.trim_end(), end.trim_end())));
     };
-    std::fs::write(path, format!("{before}{begin}{text}{end}{after}")).map_err(|e| Error::io(path.display(), e))
+    std::fs::write(path, format!("{before}{begin}{text}{end}{after}"))
+        .map_err(|e| Error::io(path.display(), e))
 }

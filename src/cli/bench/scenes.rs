@@ -4,6 +4,8 @@ use std::time::Duration;
 
 use crate::Result;
 use crate::scene::{Lighting, SamplesPerPixel, Scene, SceneOptions, Warp};
+use crate::simulate::ImageForm;
+use crate::spikes::Geometry;
 use serde_json::{Value, json};
 
 use super::timing::rate;
@@ -29,6 +31,64 @@ impl Drawn {
     pub(crate) fn json(&self) -> Value {
         json!({"what": self.what, "threads": self.threads, "ms": self.ms})
     }
+}
+
+/// The lights under which stages are told apart.
+pub(crate) const STAGED: [Lighting; 3] = [Lighting::Noon, Lighting::Overcast, Lighting::Night];
+
+/// One stage of a key frame, or of what follows one.
+pub(crate) struct Stage {
+    pub what: &'static str,
+    /// Under each light of [`STAGED`].
+    pub ms: [f64; 3],
+}
+
+impl Stage {
+    pub(crate) fn json(&self) -> Value {
+        let ms: serde_json::Map<_, _> =
+            STAGED.iter().zip(self.ms).map(|(l, ms)| (l.name().to_owned(), json!(ms))).collect();
+        json!({"what": self.what, "ms": ms})
+    }
+}
+
+/// What each stage takes at 1 s of the drive of seed 1, one thread, 2x2 samples.
+pub(crate) fn stages(budget: Duration) -> Result<Vec<Stage>> {
+    let mut all: Vec<Stage> = Vec::new();
+    for (i, lighting) in STAGED.into_iter().enumerate() {
+        let options = SceneOptions { lighting: Some(lighting), ..SceneOptions::default() };
+        let scene = Scene::random(1, &options)?;
+        let mut list: Vec<(&str, f64)> =
+            scene.stages(1.0, &mut |run| 1e3 / rate(budget / 4, 1.0, run)).into();
+        list.extend(after(&scene, budget / 4)?);
+        for (k, (what, ms)) in list.into_iter().enumerate() {
+            if i == 0 {
+                all.push(Stage { what, ms: [0.0; 3] });
+            }
+            all[k].ms[i] = ms;
+        }
+    }
+    Ok(all)
+}
+
+/// What follows renders: light that is carried, labels, pictures.
+fn after(scene: &Scene, budget: Duration) -> Result<[(&'static str, f64); 4]> {
+    let (a, b) =
+        (scene.render(1.0, SamplesPerPixel::Four, 1)?, scene.render(1.0005, SamplesPerPixel::Four, 1)?);
+    let warp = Warp::new(scene, &a, &b)?;
+    let white = scene.white_cd_m2();
+    let light: Vec<f32> = a.light.iter().map(|l| l / white).collect();
+    let size = Geometry::new(a.labels.width as u32, a.labels.height as u32)?;
+    let ms = |run: &mut dyn FnMut() -> bool| {
+        1e3 / rate(budget, 1.0, || {
+            std::hint::black_box(run());
+        })
+    };
+    Ok([
+        ("light carried from two renders", ms(&mut || warp.light(1.0002).is_ok())),
+        ("flow and its occlusion, one way", ms(&mut || scene.flow(&a.labels, &b.labels, 1).is_ok())),
+        ("boxes", ms(&mut || scene.boxes(&a.labels).is_ok())),
+        ("PNG of a clear image", ms(&mut || ImageForm::U8.encode(&light, size).is_ok())),
+    ])
 }
 
 /// 400x250 frames of one scene under several lights, at 1 s of its drive.

@@ -8,5 +8,6 @@ pub(super) mod raster;
 pub(super) mod render;
 mod see;
 pub(super) mod shade;
+mod stages;
 pub(super) mod texture;
 pub(super) mod tiles;
