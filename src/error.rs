@@ -27,6 +27,10 @@ pub enum Kind {
     Tool,
     /// Bits do not match their digest.
     Corrupt,
+    /// Another process is at this work.
+    Busy,
+    /// Asked to stop in the middle of work that is to be queued again.
+    Requeue,
     /// The user asked to stop.
     Interrupted,
 }
@@ -44,6 +48,8 @@ impl Kind {
             Self::Exists => "exists",
             Self::Tool => "tool",
             Self::Corrupt => "corrupt",
+            Self::Busy => "busy",
+            Self::Requeue => "requeue",
             Self::Interrupted => "interrupted",
         }
     }
@@ -60,6 +66,9 @@ impl Kind {
             Self::Exists => 7,
             Self::Tool => 8,
             Self::Corrupt => 9,
+            Self::Busy => 10,
+            // EX_TEMPFAIL of sysexits.h: the same command, given again, goes on.
+            Self::Requeue => 75,
             Self::Interrupted => 130,
         }
     }

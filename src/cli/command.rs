@@ -12,7 +12,8 @@ use super::words::{completions, effects, man, preset};
 ///
 /// Without a command it draws a driving scene, simulates it into ./out and says what it did.
 /// Exit codes: 0 done, 2 usage, 3 camera or preset, 4 input, 5 system, 6 no space,
-/// 7 output exists, 8 ffmpeg, 9 digest does not match, 130 interrupted.
+/// 7 output exists, 8 ffmpeg, 9 digest does not match, 10 another process is at it, 75 queue it
+/// again, 130 interrupted.
 #[derive(Parser)]
 #[command(name = "spikelane", version, max_term_width = 100)]
 pub(super) struct Cli {

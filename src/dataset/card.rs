@@ -1,12 +1,37 @@
 //! The papers that go with a dataset: datasheet and licence.
 
-use crate::dataset::{DatasetOptions, Manifest, Status, Structure, Work};
+use crate::dataset::{DatasetOptions, Entry, Split, Status, Structure, Work};
 use crate::error::Result;
 use crate::storage;
 
+/// What a dataset holds, in numbers.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Counts {
+    /// Sequences of each split.
+    splits: [u64; 3],
+    failed: u64,
+    readouts: u64,
+    bytes: u64,
+}
+
+impl Counts {
+    pub(crate) fn add(&mut self, entry: &Entry) {
+        match entry.status {
+            Status::Done => {
+                let split = Split::ALL.iter().position(|s| s.name() == entry.split);
+                split.into_iter().for_each(|s| self.splits[s] += 1);
+                self.readouts += entry.readouts.unwrap_or(0);
+                self.bytes += entry.bytes.unwrap_or(0);
+            }
+            Status::Failed => self.failed += 1,
+            Status::Planned => {}
+        }
+    }
+}
+
 /// Writes `DATASHEET.md`, and `LICENSE.txt` if the user chose one.
-pub(super) fn write(options: &DatasetOptions, manifest: &Manifest) -> Result<()> {
-    let text = datasheet(options, manifest);
+pub(super) fn write(options: &DatasetOptions, counts: &Counts, digest: &str) -> Result<()> {
+    let text = datasheet(options, counts, digest);
     storage::write_small(&options.output.join("DATASHEET.md"), text.as_bytes(), true)?;
     if let Some(licence) = &options.licence {
         let text = format!(
@@ -18,14 +43,42 @@ pub(super) fn write(options: &DatasetOptions, manifest: &Manifest) -> Result<()>
     Ok(())
 }
 
-fn datasheet(options: &DatasetOptions, manifest: &Manifest) -> String {
-    let done = || manifest.entries.iter().filter(|e| e.status == Status::Done);
-    let count = |split: &str| done().filter(|e| e.split == split).count();
-    let failed = manifest.entries.iter().filter(|e| e.status == Status::Failed).count();
-    let readouts: u64 = done().filter_map(|e| e.readouts).sum();
-    let bytes: u64 = done().filter_map(|e| e.bytes).sum();
+fn datasheet(options: &DatasetOptions, counts: &Counts, digest: &str) -> String {
+    let Counts { splits: [train, validation, test], failed, readouts, bytes } = counts;
     let sensor = &options.camera.sensor;
-    let origin = match &options.work {
+    let origin = origin(options);
+    let effects: Vec<_> = options.camera.effects().iter().map(|e| e.name()).collect();
+    format!(
+        "# Datasheet\n\n## What it is\n\n{origin}\n\n| | |\n|---|---|\n| sequences for training | {train} |\n\
+         | sequences for validation | {validation} |\n| sequences for testing | {test} |\n| set aside | {failed} |\n| readouts | {readouts} |\n\
+         | bytes | {bytes} |\n| digest | {digest} |\n| rate of ground truth 255 | {} |\n| camera | {} |\n| size, width x height | {} |\n| readouts a second | {} |\n\
+         | effects | {} |\n| seed, camera seed | {}, {} |\n| version of the data | {} |\n| licence | {} |\n| made by | spikelane {} |\n\n\
+         ## How it lies\n\n`manifest.jsonl` lists all sequences. `sequences/ID/stream.dat` is the noisy stream, \
+         `stream.clean.dat` its noise-free twin\nwith the same start phase; both have no header, one bit per pixel, least \
+         significant bit first, bottom row first.\n`stream.json` says how they were made. `clear.png` is the light of \
+         readout floor(readouts / 2), counted from 0, 8-bit sRGB;\n`gt.png`, linked as `gt/ID.png`, is the same light with codes \
+         proportional to the rate: spikes per pixel and readout are\n{} times code / 255{}; \
+         where a code is 255 the light may be brighter.\n`images/NNNNNN.*` is the light at readout NNNNNN, and `labels/NNNNNN.*` what is \
+         seen at readout NNNNNN. `record.json` holds the digest of every\nfile. `train`, `validation` and `test` hold links for loaders.\n\n\
+         ## What it is not\n\nSimulated: no camera took it. A network trained on it should be tested on recordings.\n",
+        options.structure.rate_at_255(),
+        options.cameras.names(&options.camera),
+        sensor.geometry,
+        sensor.readout_hz,
+        effects.join(", "),
+        options.seed,
+        options.camera_seed,
+        options.data_version.as_deref().unwrap_or("none given"),
+        options.licence.as_deref().unwrap_or("none chosen"),
+        env!("CARGO_PKG_VERSION"),
+        options.structure.rate_at_255(),
+        loader(options),
+    )
+}
+
+/// What the dataset was made of, for people.
+pub(super) fn origin(options: &DatasetOptions) -> String {
+    match &options.work {
         Work::Drives(d) => format!(
             "Random driving scenes, drawn by the program: {} images each, {} readout(s) from one image to the \
              next, labels at every {} image(s) (0: none).\nNo person, place or vehicle in them is real.",
@@ -37,35 +90,7 @@ fn datasheet(options: &DatasetOptions, manifest: &Manifest) -> String {
                 .map_or("readouts as times and rates say".to_owned(), |n| format!("{n} readouts per frame")),
             i.insertion
         ),
-    };
-    let effects: Vec<_> = options.camera.effects().iter().map(|e| e.name()).collect();
-    format!(
-        "# Datasheet\n\n## What it is\n\n{origin}\n\n| | |\n|---|---|\n| sequences for training | {} |\n\
-         | sequences for testing | {} |\n| set aside | {failed} |\n| readouts | {readouts} |\n\
-         | bytes | {bytes} |\n| rate of ground truth 255 | {} |\n| camera | {} |\n| size, width x height | {} |\n| readouts a second | {} |\n\
-         | effects | {} |\n| seed, camera seed | {}, {} |\n| licence | {} |\n| made by | spikelane {} |\n\n\
-         ## How it lies\n\n`manifest.jsonl` lists all sequences. `sequences/ID/stream.dat` is the noisy stream, \
-         `stream.clean.dat` its noise-free twin\nwith the same start phase; both have no header, one bit per pixel, least \
-         significant bit first, bottom row first.\n`stream.json` says how they were made. `clear.png` is the light of \
-         readout floor(readouts / 2), counted from 0, 8-bit sRGB;\n`gt.png`, linked as `gt/ID.png`, is the same light with codes \
-         proportional to the rate: spikes per pixel and readout are\n{} times code / 255{}; \
-         where a code is 255 the light may be brighter.\n`images/NNNNNN.*` is the light at readout NNNNNN, and `labels/NNNNNN.*` what is \
-         seen at readout NNNNNN. `record.json` holds the digest of every\nfile. `train` and `test` hold links for loaders.\n\n\
-         ## What it is not\n\nSimulated: no camera took it. A network trained on it should be tested on recordings.\n",
-        count("train"),
-        count("test"),
-        options.structure.rate_at_255(),
-        options.camera.name,
-        sensor.geometry,
-        sensor.readout_hz,
-        effects.join(", "),
-        options.seed,
-        options.camera_seed,
-        options.licence.as_deref().unwrap_or("none chosen"),
-        env!("CARGO_PKG_VERSION"),
-        options.structure.rate_at_255(),
-        loader(options),
-    )
+    }
 }
 
 /// How the loader of the structure is told of the rate.

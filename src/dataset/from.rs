@@ -1,13 +1,15 @@
 //! Every video and every folder of images below a folder.
 
-use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::fs;
+use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
 
+use crate::dataset::Inputs;
+use crate::dataset::stamp::pictures_in;
 use crate::draws::Stream;
 use crate::error::{Error, Kind, Result};
 use crate::light::{TIMES, picture};
-use crate::storage::Digest;
 
 /// Endings of files that hold many frames.
 const MOVING: [&str; 19] = [
@@ -33,17 +35,64 @@ pub struct Input {
 /// # Errors
 /// [`Kind::Io`] when a folder cannot be listed; [`Kind::Input`] when nothing is found.
 pub fn inputs(folder: &Path, except: &Path) -> Result<Vec<Input>> {
-    let found = search(folder, except)?;
-    if found.inputs.is_empty() {
-        return Err(Error::new(Kind::Input, folder.display())
-            .found(format_args!("neither a video nor a folder of images among {} files", found.others.len()))
-            .expected("at least one video, or a folder of two or more images")
-            .remedy("'spikelane simulate' holds a single picture, or moves over it (--motion)"));
+    let mut all = Vec::new();
+    in_folder(folder, except, &mut |input| {
+        all.push(input);
+        Ok(())
+    })?;
+    Ok(all)
+}
+
+/// Tells `tell` the inputs of a dataset one after another, in the order of their paths: those of the list, or all below
+/// the folder. Memory holds the names of one folder, or the list.
+pub(super) fn each(inputs: &Inputs, except: &Path, tell: &mut dyn FnMut(Input) -> Result<()>) -> Result<()> {
+    match &inputs.list {
+        Some(list) => in_list(list, &inputs.folder, tell),
+        None => in_folder(&inputs.folder, except, tell),
     }
+}
+
+fn in_folder(folder: &Path, except: &Path, tell: &mut dyn FnMut(Input) -> Result<()>) -> Result<()> {
     let own = fs::canonicalize(folder).ok().and_then(|f| Some(f.file_name()?.to_string_lossy().into_owned()));
     let own = own.unwrap_or_else(|| "clip".to_owned());
-    let named = |(path, frames): (PathBuf, _)| Input { id: id(&path, &own), path, frames };
-    Ok(found.inputs.into_iter().map(named).collect())
+    let (mut found, mut others) = (0u64, 0u64);
+    walk(folder, except, &mut |path, what| match what {
+        What::Input(frames) => {
+            found += 1;
+            tell(Input { id: id(&path, &own), path, frames })
+        }
+        What::Other => {
+            others += 1;
+            Ok(())
+        }
+    })?;
+    if found > 0 {
+        return Ok(());
+    }
+    Err(Error::new(Kind::Input, folder.display())
+        .found(format_args!("neither a video nor a folder of images among {others} files"))
+        .expected("at least one video, or a folder of two or more images")
+        .remedy("'spikelane simulate' holds a single picture, or moves over it (--motion)"))
+}
+
+/// The inputs that a text names, one path a line, relative to `folder`; empty lines are passed over.
+fn in_list(list: &Path, folder: &Path, tell: &mut dyn FnMut(Input) -> Result<()>) -> Result<()> {
+    let text = fs::read_to_string(list).map_err(|e| Error::io(list.display(), e))?;
+    let mut lines: Vec<(&str, usize)> =
+        text.lines().zip(1..).map(|(line, n)| (line.trim_end(), n)).filter(|(l, _)| !l.is_empty()).collect();
+    lines.sort_unstable();
+    lines.dedup_by_key(|(line, _)| *line);
+    if lines.is_empty() {
+        return Err(Error::new(Kind::Input, list.display()).found("no path").expected("one path a line"));
+    }
+    for (line, n) in lines {
+        let whole = folder.join(line);
+        let found = fs::metadata(&whole)
+            .map_err(|e| Error::io(format_args!("{}: line {n}: {}", list.display(), whole.display()), e))?;
+        let frames = if found.is_dir() { Some(pictures_in(&whole)?.len() as u64) } else { None };
+        tell(Input { id: id(Path::new(line), "clip"), path: PathBuf::from(line), frames })?;
+    }
+    Ok(())
 }
 
 /// The files below a folder that become no sequence and belong to none, by their paths below it. A picture that
@@ -52,25 +101,20 @@ pub fn inputs(folder: &Path, except: &Path) -> Result<Vec<Input>> {
 /// # Errors
 /// [`Kind::Io`] when a folder cannot be listed.
 pub fn skipped(folder: &Path, except: &Path) -> Result<Vec<PathBuf>> {
-    let mut others = search(folder, except)?.others;
+    let mut others = Vec::new();
+    walk(folder, except, &mut |path, what| {
+        if matches!(what, What::Other) {
+            others.push(path);
+        }
+        Ok(())
+    })?;
     others.sort();
     Ok(others)
 }
 
-/// What lies below a folder.
-#[derive(Default)]
-struct Found {
-    inputs: BTreeMap<PathBuf, Option<u64>>,
-    others: Vec<PathBuf>,
-}
-
-fn search(folder: &Path, except: &Path) -> Result<Found> {
-    let mut found = Found::default();
-    walk(folder, folder, fs::canonicalize(except).ok().as_deref(), &mut found)?;
-    Ok(found)
-}
-
 /// Readable and unique: the path's letters, or those of the searched folder itself, and a hash of the whole path.
+///
+/// Where letters are left out, only the hash tells paths apart; 32 bits would give a hundred of a million names twice.
 fn id(path: &Path, own: &str) -> String {
     let text = path.to_string_lossy();
     let readable = if text.is_empty() { own } else { &*text };
@@ -78,60 +122,95 @@ fn id(path: &Path, own: &str) -> String {
         readable.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).take(60).collect();
     let plain = plain.trim_matches('-');
     let name = if plain.is_empty() { "clip" } else { plain };
-    format!("{name}-{:08x}", Stream::named(&text).id() as u32)
+    let hash = Stream::named(&text).id();
+    if text.is_ascii() && text.len() <= 60 {
+        format!("{name}-{:08x}", hash as u32)
+    } else {
+        format!("{name}-{hash:016x}")
+    }
 }
 
-fn walk(root: &Path, folder: &Path, except: Option<&Path>, found: &mut Found) -> Result<()> {
+/// What a path below a folder is.
+enum What {
+    /// A sequence of so many frames, where a look at the folder tells.
+    Input(Option<u64>),
+    Other,
+}
+
+/// The names of one folder, end to end: a million of them take little more than their letters.
+#[derive(Default)]
+struct Names {
+    letters: Vec<u8>,
+    places: Vec<(usize, u32, bool)>,
+}
+
+impl Names {
+    fn push(&mut self, name: &OsStr, folder: bool) {
+        let bytes = name.as_bytes();
+        // A name has at most 255 bytes.
+        self.places.push((self.letters.len(), bytes.len() as u32, folder));
+        self.letters.extend_from_slice(bytes);
+    }
+
+    fn sorted(mut self) -> Self {
+        let letters = &self.letters;
+        self.places.sort_unstable_by_key(|&(at, len, _)| &letters[at..at + len as usize]);
+        self
+    }
+
+    fn iter(&self) -> impl Iterator<Item = (&OsStr, bool)> {
+        let name = |at: usize, len: u32| OsStr::from_bytes(&self.letters[at..at + len as usize]);
+        self.places.iter().map(move |&(at, len, folder)| (name(at, len), folder))
+    }
+}
+
+fn walk(folder: &Path, except: &Path, tell: &mut dyn FnMut(PathBuf, What) -> Result<()>) -> Result<()> {
+    let except = fs::canonicalize(except).ok();
+    walk_below(folder, Path::new(""), except.as_deref(), tell)
+}
+
+fn walk_below(
+    root: &Path,
+    below: &Path,
+    except: Option<&Path>,
+    tell: &mut dyn FnMut(PathBuf, What) -> Result<()>,
+) -> Result<()> {
+    let folder = root.join(below);
     let refused = |e| Error::io(folder.display(), e);
-    let mut pictures = Vec::new();
-    for entry in fs::read_dir(folder).map_err(refused)? {
+    let (mut pictures, mut one) = (0u64, None);
+    let mut names = Names::default();
+    for entry in fs::read_dir(&folder).map_err(refused)? {
         let entry = entry.map_err(refused)?;
-        let (path, kind) = (entry.path(), entry.file_type().map_err(refused)?);
-        if entry.file_name().to_string_lossy().starts_with('.') {
+        let (name, kind) = (entry.file_name(), entry.file_type().map_err(refused)?);
+        let path = Path::new(&name);
+        if name.as_bytes().starts_with(b".") {
             continue;
         }
         if kind.is_dir() {
-            if fs::canonicalize(&path).ok().as_deref() != except {
-                walk(root, &path, except, found)?;
-            }
-        } else if picture::is_picture(&path) {
-            pictures.push(below(root, &path));
-        } else if is_moving(&path) {
-            found.inputs.insert(below(root, &path), None);
-        } else if path.file_name().is_some_and(|name| name != TIMES) {
-            found.others.push(below(root, &path));
+            names.push(&name, true);
+        } else if picture::is_picture(path) {
+            pictures += 1;
+            one.get_or_insert(name);
+        } else if is_moving(path) {
+            names.push(&name, false);
+        } else if name != TIMES {
+            tell(below.join(&name), What::Other)?;
         }
     }
-    match pictures.len() {
-        0 => {}
-        1 => found.others.append(&mut pictures),
-        n => drop(found.inputs.insert(below(root, folder), Some(n as u64))),
+    match (pictures, one) {
+        (1, Some(name)) => tell(below.join(name), What::Other)?,
+        (0, _) => {}
+        _ => tell(below.to_owned(), What::Input(Some(pictures)))?,
+    }
+    for (name, is_folder) in names.sorted().iter() {
+        let path = below.join(name);
+        if !is_folder {
+            tell(path, What::Input(None))?;
+        } else if except.is_none() || fs::canonicalize(root.join(&path)).ok().as_deref() != except {
+            walk_below(root, &path, except, tell)?;
+        }
     }
     Ok(())
-}
-
-/// Digest of an input: of a file its bytes, of a folder the names and digests of its images.
-///
-/// # Errors
-/// [`Kind::Io`] when it cannot be read.
-pub(super) fn digest(path: &Path) -> Result<String> {
-    if !path.is_dir() {
-        return Digest::of_file(path);
-    }
-    let mut lines = Vec::new();
-    for entry in fs::read_dir(path).map_err(|e| Error::io(path.display(), e))? {
-        let image = entry.map_err(|e| Error::io(path.display(), e))?.path();
-        if image.is_file() && picture::is_picture(&image) {
-            let name = image.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            lines.push(format!("{name} {}\n", Digest::of_file(&image)?));
-        }
-    }
-    lines.sort();
-    Ok(Digest::of(lines.concat().as_bytes()))
-}
-
-fn below(root: &Path, path: &Path) -> PathBuf {
-    path.strip_prefix(root).unwrap_or(path).to_owned()
 }
 
 fn is_moving(path: &Path) -> bool {

@@ -1,13 +1,14 @@
 //! The one list of all sequences: JSON lines, the options first.
 
-use std::fs;
-use std::path::Path;
+use std::fs::{self, File};
+use std::io::{BufWriter, Write as _};
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::error::{Error, Kind, Result};
-use crate::storage;
+use crate::storage::{Digest, steps};
 
 /// Its name in the dataset's folder.
 pub(super) const NAME: &str = "manifest.jsonl";
@@ -32,8 +33,11 @@ pub enum Status {
 pub struct Entry {
     /// Name of the sequence and of its folder.
     pub id: String,
-    /// `train` or `test`.
+    /// `train`, `validation` or `test`.
     pub split: String,
+    /// The shard that it lies in, of a dataset that was made in shards.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shard: Option<String>,
     /// The input below the given folder; none for scenes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub input: Option<String>,
@@ -59,6 +63,33 @@ pub struct Entry {
     /// Why it was set aside.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
+}
+
+impl Entry {
+    /// The folder of the sequence in the dataset's folder; of a packed shard there is none.
+    #[must_use]
+    pub fn folder(&self, dataset: &Path) -> PathBuf {
+        let root = match &self.shard {
+            Some(shard) => dataset.join("shards").join(shard),
+            None => dataset.to_owned(),
+        };
+        root.join("sequences").join(&self.id)
+    }
+
+    /// That folder, where it is there.
+    ///
+    /// # Errors
+    /// [`Kind::Input`] for a sequence of a packed shard.
+    pub fn unpacked(&self, dataset: &Path) -> Result<PathBuf> {
+        let folder = self.folder(dataset);
+        if self.shard.is_none() || folder.exists() {
+            return Ok(folder);
+        }
+        Err(Error::new(Kind::Input, folder.display())
+            .found("a sequence in a pack")
+            .expected("its folder")
+            .remedy("plan the dataset without --pack for this, or unpack the tar"))
+    }
 }
 
 /// The list.
@@ -89,17 +120,20 @@ impl Manifest {
     /// Writes it, whole or not at all.
     ///
     /// # Errors
-    /// As [`storage::write_small`].
+    /// [`Kind::Space`] when the disk is full, and what the operating system refuses.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        let path = folder.join(NAME);
-        let mut text = json!({ "dataset": 1, "options": self.options }).to_string();
-        for entry in &self.entries {
-            text.push('\n');
-            text += &serde_json::to_string(entry)
-                .map_err(|e| Error::new(Kind::Config, path.display()).found(e))?;
-        }
-        text.push('\n');
-        storage::write_small(&path, text.as_bytes(), true)
+        let mut list = Listing::begin(folder, &self.options)?;
+        self.entries.iter().try_for_each(|entry| list.add(entry))?;
+        list.finish()
+    }
+
+    /// One digest for the dataset: of the lines "id digest-of-the-record" of all sequences that are done, sorted. It is
+    /// the same however the work was cut.
+    #[must_use]
+    pub fn digest(&self) -> String {
+        let mut digest = DigestOf::default();
+        self.entries.iter().for_each(|entry| digest.add(entry));
+        digest.text()
     }
 
     /// Refuses to go on with other options than it was begun with.
@@ -117,6 +151,74 @@ impl Manifest {
                 .remedy("give the same options, or another output folder"));
         }
         Ok(())
+    }
+}
+
+/// A manifest that is written line by line; it has no name before its end.
+pub(super) struct Listing {
+    file: BufWriter<File>,
+    hidden: PathBuf,
+    path: PathBuf,
+    kept: bool,
+}
+
+impl Listing {
+    pub(crate) fn begin(folder: &Path, options: &Value) -> Result<Self> {
+        let path = folder.join(NAME);
+        let hidden = folder.join(format!(".{NAME}.{}.partial", std::process::id()));
+        let file = File::create(&hidden).map_err(|e| Error::io(path.display(), e))?;
+        let mut list = Self { file: BufWriter::new(file), hidden, path, kept: false };
+        list.line(&json!({ "dataset": 1, "options": options }))?;
+        Ok(list)
+    }
+
+    pub(crate) fn add(&mut self, entry: &Entry) -> Result<()> {
+        self.line(entry)
+    }
+
+    fn line(&mut self, value: &impl Serialize) -> Result<()> {
+        serde_json::to_writer(&mut self.file, value).map_err(|e| Error::io(self.path.display(), e.into()))?;
+        self.file.write_all(b"\n").map_err(|e| Error::io(self.path.display(), e))
+    }
+
+    pub(crate) fn finish(mut self) -> Result<()> {
+        self.file.flush().map_err(|e| Error::io(self.path.display(), e))?;
+        steps::sync_file(self.file.get_ref(), &self.hidden)?;
+        steps::rename(&self.hidden, &self.path)?;
+        self.kept = true;
+        steps::sync_folder(self.path.parent().unwrap_or(Path::new(".")))
+    }
+}
+
+impl Drop for Listing {
+    fn drop(&mut self) {
+        if !self.kept {
+            // Nobody is left to hear of a failure here.
+            let _ = fs::remove_file(&self.hidden);
+        }
+    }
+}
+
+/// The digest of a dataset in the making.
+#[derive(Default)]
+pub(super) struct DigestOf {
+    lines: Vec<String>,
+}
+
+impl DigestOf {
+    /// Takes in a sequence, if it is done.
+    pub(crate) fn add(&mut self, entry: &Entry) {
+        if let (Status::Done, Some(digest)) = (entry.status, &entry.digest) {
+            self.lines.push(format!("{} {digest}\n", entry.id));
+        }
+    }
+
+    /// The digest of the sorted lines.
+    pub(crate) fn text(mut self) -> String {
+        self.lines.sort_unstable();
+        let mut digest = Digest::new();
+        self.lines.iter().for_each(|line| digest.update(line.as_bytes()));
+        digest.text()
     }
 }
 

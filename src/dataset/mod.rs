@@ -5,24 +5,29 @@
 //! A sequence is made in a hidden folder that is renamed when all its files are on the disk, and
 //! counts as done only while every digest holds. `docs/reference/datasets.md` describes the folder for users.
 
+mod asked;
 mod card;
+pub mod config;
 mod drive;
+mod entries;
+mod frames;
 mod from;
 mod images;
 mod labels;
 mod manifest;
-mod options;
 mod record;
 mod run;
 mod sequence;
-mod structure;
+pub mod shards;
+mod stamp;
+pub mod stats;
 mod truth;
-mod work;
+mod views;
 
+pub use asked::{Cameras, DatasetOptions, Drives, Images, Inputs, Split, Splits, Structure, Work};
 pub use drive::Drive;
 pub use from::{Input, inputs, skipped};
 pub use manifest::{Entry, Manifest, Status};
-pub use options::{DatasetOptions, Estimate, Images};
 pub use record::Record;
-pub use run::{Progress, Report, estimate, make};
-pub use work::{Drives, Inputs, Structure, Work};
+pub use run::{Estimate, Progress, Report, estimate, make};
+pub use stamp::Stamp;

@@ -2,14 +2,13 @@
 
 use std::fs;
 
+use crate::dataset::entries::{entries, expected_bytes};
 use crate::dataset::manifest;
-use crate::dataset::{
-    DatasetOptions, Entry, Estimate, Manifest, Record, Status, Work, card, from, inputs, sequence, structure,
-};
+use crate::dataset::stamp;
+use crate::dataset::views::{self, Views};
+use crate::dataset::{DatasetOptions, Entry, Manifest, Record, Status, Work, card, sequence};
 use crate::error::{Error, Kind, Result};
-use crate::formats::Layout;
-use crate::light::READOUTS_PER_FRAME;
-use crate::storage;
+use crate::storage::{self, steps};
 
 /// How far a dataset is.
 #[derive(Clone, Copy, Debug)]
@@ -29,6 +28,20 @@ pub struct Progress<'a> {
     pub verifying: bool,
 }
 
+/// What a dataset will take.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Estimate {
+    /// Sequences that are not done.
+    pub sequences: usize,
+    /// Their readouts; unknown ones (videos) are not counted.
+    pub readouts: u64,
+    /// Bytes on the disk, about.
+    pub bytes: u64,
+    /// Inputs whose length only their end will tell.
+    pub unknown: usize,
+}
+
 /// What was done.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report {
@@ -46,6 +59,10 @@ pub struct Report {
     pub needed_readout_hz: u64,
     /// What the user should know of the inputs of sequences made, one line each.
     pub notes: Vec<String>,
+    /// Files that were copied into the loaders' folders, since the file system has no hard links.
+    pub copied: u64,
+    /// The digest of the dataset, see [`Manifest::digest`].
+    pub digest: String,
 }
 
 /// What the dataset will take, without writing anything; on resume, what is left of it.
@@ -62,32 +79,6 @@ pub fn estimate(options: &DatasetOptions) -> Result<Estimate> {
         sum.unknown += usize::from(entry.readouts.is_none());
     }
     Ok(sum)
-}
-
-/// Bytes of a sequence: streams exactly, pictures and labels by rule of thumb.
-fn expected_bytes(options: &DatasetOptions, readouts: Option<u64>) -> Result<Option<u64>> {
-    let Some(readouts) = readouts else { return Ok(None) };
-    let geometry = options.camera.sensor.geometry;
-    let streams = 2 * Layout::Dat.file_bytes(geometry, readouts)?;
-    let pixels = geometry.pixels() as u64;
-    let kept = options.images.form.bytes_per_pixel();
-    let rest = match &options.work {
-        Work::Drives(d) => {
-            let every = options.images.every.unwrap_or(u64::from(d.readouts_per_image)).max(1);
-            let images = readouts.div_ceil(every);
-            // A grey PNG of a street takes about two thirds of a byte per pixel; a labelled image 9
-            // bytes of maps, and twice 9 bytes of flow with its mask.
-            let picture = pixels * kept * 2 / 3 + if d.npy { 4 * pixels } else { 0 };
-            let labelled = u64::from(d.images).checked_div(u64::from(d.label_every)).map_or(0, |n| n + 1);
-            // KITTI's pictures: depth and twice flow; EXR: three floats.
-            let label = 27 + if d.kitti { 8 } else { 0 } + if d.exr { 12 } else { 0 };
-            images * picture + labelled * label * pixels
-        }
-        Work::Inputs(_) => {
-            2 * pixels + options.images.every.map_or(0, |n| readouts.div_ceil(n.max(1)) * pixels * kept)
-        }
-    };
-    Ok(Some(streams + rest))
 }
 
 /// The manifest as it stands, or as it will begin; new inputs are added to an old one.
@@ -118,41 +109,6 @@ fn plan(options: &DatasetOptions) -> Result<Manifest> {
     Ok(Manifest { options: facts, entries })
 }
 
-fn entries(options: &DatasetOptions) -> Result<Vec<Entry>> {
-    let new = |id: String, input: Option<String>, readouts: Option<u64>| -> Result<Entry> {
-        let seeds = options.seeds(&id);
-        let scene = matches!(options.work, Work::Drives(_)).then(|| options.seed_of_scene(&id));
-        Ok(Entry {
-            scene_seed: scene,
-            seeds: [seeds.camera, seeds.shot, seeds.sequence],
-            bytes: expected_bytes(options, readouts)?,
-            input,
-            readouts,
-            id,
-            ..Entry::default()
-        })
-    };
-    let all: Result<Vec<Entry>> = match &options.work {
-        Work::Drives(d) => {
-            (0..d.sequences).map(|i| new(format!("scene-{i:04}"), None, Some(d.readouts()))).collect()
-        }
-        Work::Inputs(i) => inputs(&i.folder, &options.output)?
-            .into_iter()
-            .map(|found| {
-                let each = i.readouts_per_frame.unwrap_or(READOUTS_PER_FRAME);
-                let readouts = found.frames.map(|n| n.saturating_mul(each));
-                new(found.id, Some(found.path.to_string_lossy().into_owned()), readouts)
-            })
-            .collect(),
-    };
-    let mut all = all?;
-    let ids: Vec<_> = all.iter().map(|e| e.id.clone()).collect();
-    for (entry, test) in all.iter_mut().zip(options.tests(&ids)) {
-        if test { "test" } else { "train" }.clone_into(&mut entry.split);
-    }
-    Ok(all)
-}
-
 /// Makes the dataset, or what is missing of it; `watch` hears of every batch, and its error
 /// stops the work, which leaves finished sequences and nothing half-written.
 ///
@@ -173,8 +129,9 @@ pub fn make(options: &DatasetOptions, watch: &mut dyn FnMut(Progress<'_>) -> Res
     }
     let sequences = options.output.join("sequences");
     fs::create_dir_all(&sequences).map_err(|e| Error::io(sequences.display(), e))?;
+    views::clean(&options.output)?;
     manifest.write(&options.output)?;
-    structure::config(options)?;
+    views::config(options)?;
     let mut report = Report::default();
     let of = manifest.entries.len();
     for index in 0..of {
@@ -184,27 +141,34 @@ pub fn make(options: &DatasetOptions, watch: &mut dyn FnMut(Progress<'_>) -> Res
         if entry.status == Status::Done {
             watch(at(0, entry.readouts, true))?;
             if verified(options, &entry) && input_digest(options, &entry)? == entry.input_digest {
-                structure::place(options, &entry)?;
+                report.copied += views::place(options, &entry)?;
                 report.verified += 1;
                 continue;
             }
         }
-        structure::displace(options, &entry.id);
+        views::displace(options, &entry.id);
         // Taken before it is read: a change meanwhile is then seen by the next --resume.
         let read = input_digest(options, &entry);
         let made = sequence::make(options, &entry, &mut |done, total| watch(at(done, total, false)));
         manifest.entries[index] = settle(entry, made, &mut report)?;
         manifest.entries[index].input_digest = read.unwrap_or(None);
         if manifest.entries[index].status == Status::Done {
-            structure::place(options, &manifest.entries[index])?;
+            report.copied += views::place(options, &manifest.entries[index])?;
         } else {
             // A former attempt may have left a folder whose digests no longer hold.
             let old = sequences.join(&manifest.entries[index].id);
-            sequence::remove(&old)?;
+            steps::remove(&old)?;
         }
         manifest.write(&options.output)?;
     }
-    card::write(options, &manifest)?;
+    let (mut counts, mut views) = (card::Counts::default(), Views::new());
+    for entry in &manifest.entries {
+        counts.add(entry);
+        report.copied += views.add(options, entry)?;
+    }
+    views.finish(options, &card::origin(options))?;
+    report.digest = manifest.digest();
+    card::write(options, &counts, &report.digest)?;
     Ok(report)
 }
 
@@ -216,7 +180,7 @@ fn input_digest(options: &DatasetOptions, entry: &Entry) -> Result<Option<String
         // Nothing is left to make it from, so what was made stays.
         return Ok(entry.input_digest.clone());
     }
-    from::digest(&path).map(Some)
+    stamp::digest(&path).map(Some)
 }
 
 fn verified(options: &DatasetOptions, entry: &Entry) -> bool {

@@ -1,15 +1,14 @@
 //! One sequence: its streams, images and labels, in a folder that appears when it is whole.
 
-use std::fs::{self, File};
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use crate::dataset::asked::{ground_truth, scene_options};
 use crate::dataset::images::Keeper;
 use crate::dataset::labels;
-use crate::dataset::options::scene_options;
 use crate::dataset::truth::{self, Dimmed};
-use crate::dataset::work::ground_truth;
 use crate::dataset::{DatasetOptions, Drive, Drives, Entry, Inputs, Record, Structure, Work};
 use crate::error::{Error, Result};
 use crate::formats::Layout;
@@ -17,6 +16,7 @@ use crate::light::{self, Frame, Insertion, OwnedSamples, Pace, Source, Timeline}
 use crate::report::with_known;
 use crate::scene::Scene;
 use crate::simulate::{CameraFacts, LightFacts, Looks, Outcome, Run, Sidecar, StreamFacts, run_looking};
+use crate::storage::steps;
 
 /// Hears of readouts done, and may stop the work.
 pub(super) type Watch<'a> = &'a mut dyn FnMut(u64, Option<u64>) -> Result<()>;
@@ -35,23 +35,16 @@ impl Drop for Draft {
     }
 }
 
-/// Removes a folder, if it is there.
-pub(super) fn remove(folder: &Path) -> Result<()> {
-    match fs::remove_dir_all(folder) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(folder.display(), e)),
-        _ => Ok(()),
-    }
-}
-
 /// Makes the sequence of `entry`; returns its record, the record's digest, and its readouts.
 pub(super) fn make(
     options: &DatasetOptions,
     entry: &Entry,
     watch: Watch<'_>,
 ) -> Result<(Record, String, u64)> {
+    let options = &options.of_sequence(&entry.id)?;
     let all = options.output.join("sequences");
     let (folder, hidden) = (all.join(&entry.id), all.join(format!(".{}.partial", entry.id)));
-    remove(&hidden)?;
+    steps::remove(&hidden)?;
     fs::create_dir_all(&hidden).map_err(|e| Error::io(hidden.display(), e))?;
     let mut draft = Draft { hidden, kept: false };
     let (about, readouts) = match &options.work {
@@ -60,23 +53,12 @@ pub(super) fn make(
     };
     let record = Record::of(&entry.id, about, &draft.hidden)?;
     let digest = record.write(&draft.hidden)?;
-    sync(&draft.hidden)?;
-    remove(&folder)?;
-    fs::rename(&draft.hidden, &folder).map_err(|e| Error::io(folder.display(), e))?;
+    steps::sync_tree(&draft.hidden)?;
+    steps::remove(&folder)?;
+    steps::rename(&draft.hidden, &folder)?;
     draft.kept = true;
-    sync(&all)?;
+    steps::sync_folder(&all)?;
     Ok((record, digest, readouts))
-}
-
-/// Brings a folder's files to the disk: once for all of them, as hundreds of single
-/// syncs take longer than the pictures.
-fn sync(folder: &Path) -> Result<()> {
-    let handle = File::open(folder).map_err(|e| Error::io(folder.display(), e))?;
-    #[cfg(target_os = "linux")]
-    rustix::fs::syncfs(&handle).map_err(|e| Error::io(folder.display(), e.into()))?;
-    #[cfg(not(target_os = "linux"))]
-    handle.sync_all().map_err(|e| Error::io(folder.display(), e))?;
-    Ok(())
 }
 
 fn drive(
@@ -89,7 +71,7 @@ fn drive(
     let rate = options.rate()?;
     let readouts = drives.readouts();
     let seed = entry.scene_seed.unwrap_or_else(|| options.seed_of_scene(&entry.id));
-    let scene = Scene::random(seed, &scene_options(options, drives)?)?;
+    let scene = Scene::random(seed, &scene_options(options, drives, options.chosen_light(&entry.id))?)?;
     let mut drive = Drive::new(scene, rate, readouts, drives.white_cd_m2, drives.samples, options.threads)?;
     if options.structure == Structure::SpikeZoo {
         let by = truth::exposure(options, &drive.light(readouts / 2)?);
@@ -151,9 +133,9 @@ fn input(
     let mut notes = source.notes();
     if let Some(stored) = source.stored() {
         let note = inputs.fit.note(stored, options.camera.sensor.geometry);
-        notes.extend(note.map(|text| format!("{}: {text}", path.display())));
+        notes.extend(note.map(|text| format!("{name}: {text}")));
     }
-    let mut source = Dimmed { source: &mut *source, by };
+    let mut source = Dimmed { source: &mut *source, by, place: Some((&path, name)) };
     let mut keeper = Keeper::new(options, options.images.every, false, folder)?;
     let outcome = streams(options, entry, timeline.clone(), &mut source, &mut keeper, watch)?;
     let glance = &outcome.glance;

@@ -91,6 +91,8 @@ pub(super) fn middle(
 pub(super) struct Dimmed<'a> {
     pub source: &'a mut dyn Source,
     pub by: f32,
+    /// Its path, and what it is called in the dataset: where the folder of inputs lies changes no record.
+    pub place: Option<(&'a Path, &'a str)>,
 }
 
 impl Dimmed<'_> {
@@ -117,10 +119,11 @@ impl Source for Dimmed<'_> {
         self.source.front_end()
     }
     fn describe(&self) -> String {
-        if self.by >= 1.0 {
-            return self.source.describe();
+        let mut text = self.source.describe();
+        if let Some((path, name)) = self.place.filter(|(_, name)| !name.is_empty()) {
+            text = text.replace(&*path.to_string_lossy(), name);
         }
-        format!("{}, its light exposed by {}", self.source.describe(), self.by)
+        if self.by >= 1.0 { text } else { format!("{text}, its light exposed by {}", self.by) }
     }
     fn stored(&self) -> Option<Geometry> {
         self.source.stored()

@@ -31,12 +31,17 @@ pub fn heat_map(map: &[f64], width: usize, label: &str) -> Result<String> {
         image::ImageFormat::Png,
     )
     .map_err(failed)?;
+    Ok(picture(png.get_ref(), label, (2 * width).clamp(200, 800)))
+}
+
+/// A PNG as an image element of that width in pixels; `label` is its alternative text.
+#[must_use]
+pub fn picture(png: &[u8], label: &str, width: usize) -> String {
     let label = label.replace(['<', '>', '"', '&'], " ");
-    Ok(format!(
-        "<img alt=\"{label}\" width=\"{}\" style=\"image-rendering: pixelated\" src=\"data:image/png;base64,{}\">",
-        (2 * width).clamp(200, 800),
-        base64(png.get_ref())
-    ))
+    format!(
+        "<img alt=\"{label}\" width=\"{width}\" style=\"image-rendering: pixelated\" src=\"data:image/png;base64,{}\">",
+        base64(png)
+    )
 }
 
 /// RFC 4648, with padding.

@@ -8,7 +8,7 @@ mod ranked;
 
 pub use day::today;
 pub use json::with_known;
-pub use map::heat_map;
+pub use map::{heat_map, picture};
 pub use plot::{Band, Curve, bars, curves, curves_over, marked};
 pub use ranked::{Row, ranked};
 

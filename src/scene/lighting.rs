@@ -49,6 +49,12 @@ impl Lighting {
         }
     }
 
+    /// The one that a scene of this seed has when nobody chooses.
+    #[must_use]
+    pub fn drawn(seed: u64) -> Self {
+        Self::ALL[Draws::new(seed, "scene").pick(0, Self::ALL.len())]
+    }
+
     /// The preset called `name`.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {

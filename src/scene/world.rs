@@ -42,7 +42,7 @@ impl Scene {
     /// scene (several kilometres).
     pub fn random(seed: u64, options: &SceneOptions) -> Result<Self> {
         let draws = Draws::new(seed, "scene");
-        let lighting = options.lighting.unwrap_or(Lighting::ALL[draws.pick(0, Lighting::ALL.len())]);
+        let lighting = options.lighting.unwrap_or_else(|| Lighting::drawn(seed));
         let speed_kmh = options.speed_kmh.unwrap_or_else(|| draws.range(1, SLOWEST_KMH, 100.0));
         let fov_deg = options.fov_deg.unwrap_or_else(|| draws.range(2, 58.0, 80.0));
         let intrinsics = check(options, speed_kmh, fov_deg)?;

@@ -9,6 +9,7 @@ mod digest;
 mod map;
 mod partial;
 mod shared;
+pub(crate) mod steps;
 mod words;
 mod writer;
 

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::error::{Error, Kind, Result};
+use crate::storage::steps;
 
 /// Tells apart the partial files of one process.
 static NEXT: AtomicU64 = AtomicU64::new(0);
@@ -61,15 +62,16 @@ impl Partial {
     /// returns the time all this took.
     pub(super) fn commit(mut self) -> Result<Duration> {
         let start = Instant::now();
-        let io = |e| Error::io(self.path.display(), e);
-        self.file.sync_all().map_err(io)?;
+        let named = |e: Error| e.within(self.path.display());
+        steps::sync_file(&self.file, &self.hidden).map_err(named)?;
         if self.force {
-            fs::rename(&self.hidden, &self.path).map_err(io)?;
+            steps::rename(&self.hidden, &self.path)?;
         } else {
             rename_new(&self.hidden, &self.path)?;
+            steps::renamed(&self.hidden, &self.path);
         }
         self.committed = true;
-        sync_directory(&self.path).map_err(|e| Error::io(self.path.display(), e))?;
+        steps::sync_folder(directory(&self.path))?;
         Ok(start.elapsed())
     }
 }
@@ -144,10 +146,6 @@ fn link_then_unlink(hidden: &Path, path: &Path) -> Result<()> {
             "this file system can neither rename without replacing nor link; allow overwriting (--force)",
         )),
     }
-}
-
-fn sync_directory(path: &Path) -> std::io::Result<()> {
-    File::open(directory(path))?.sync_all()
 }
 
 #[cfg(test)]

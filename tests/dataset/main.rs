@@ -1,4 +1,6 @@
 //! Data sets.
 
+mod asked;
 mod make;
 mod truth;
+mod views;

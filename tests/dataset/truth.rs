@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use spikelane::dataset::{
-    self, DatasetOptions, Drive, Drives, Images, Inputs, Manifest, Record, Structure, Work,
+    self, DatasetOptions, Drive, Drives, Images, Inputs, Manifest, Record, Splits, Structure, Work,
 };
 use spikelane::formats::Reader;
 use spikelane::light::{self, Fit, Insertion, Timeline};
@@ -24,7 +24,7 @@ fn options(output: &Path, work: Work, structure: Structure) -> DatasetOptions {
         .with_scene_seed(5)
         .with_camera_seed(1)
         .with_structure(structure)
-        .with_test_share(0.0)
+        .with_splits(Splits::default())
         .with_licence(None)
 }
 
@@ -37,6 +37,7 @@ fn make(options: &DatasetOptions) -> PathBuf {
 fn inputs(folder: &Path, readouts_per_frame: u64) -> Work {
     Work::Inputs(Inputs {
         folder: folder.to_owned(),
+        list: None,
         readouts_per_frame: Some(readouts_per_frame),
         insertion: Insertion::Linear,
         fit: Fit::Resize,
@@ -102,7 +103,7 @@ fn ground_truth_of_a_scene_is_drawn_for_its_readout_whatever_the_spacing_of_imag
             .with_images(images)
             .with_readouts_per_image(each)
             .with_label_every(0)
-            .with_lighting(Some(Lighting::Overcast))
+            .with_lighting(vec![Lighting::Overcast])
             .with_npy(true);
         let mut all =
             options(&dir.path().join(readouts.to_string()), Work::Drives(drives), Structure::SpikeCv);

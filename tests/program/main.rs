@@ -11,5 +11,6 @@ mod doors;
 mod errors;
 mod evaluate;
 mod finite_numbers;
+mod shards;
 mod simulate;
 mod streams;

@@ -72,6 +72,14 @@ fn window(reader: &Reader, at: usize) -> Result<Vec<f32>> {
     tfp(Packed::new(reader.geometry(), &bytes)?, centre, HALF_WINDOW)
 }
 
+/// The spikes of one readout, white.
+pub(crate) fn spikes_picture(reader: &Reader, at: usize) -> Result<GrayImage> {
+    let geometry = reader.geometry();
+    let (spikes, centre) = around(reader, at, 0)?;
+    let frame = &spikes[centre * geometry.frame_bytes()..];
+    Ok(from_levels((0..geometry.pixels()).map(|p| 255 * u8::from(bit(frame, p))), geometry))
+}
+
 /// Panels: the light, one readout of spikes, TFP of the noisy stream, and TFP of the clean one; where there is none,
 /// TFI of the noisy one, unless the stream is too short for it. `full` is the rate of full-scale light. White
 /// is what one pixel in 500 of the light exceeds, the same for all, so that dark scenes show too.
@@ -81,11 +89,9 @@ pub(crate) fn sheet(glance: &Glance, noisy: &Reader, clean: Option<&Reader>, ful
     let light = glance.frame.to_f32();
     let brightest = bright(&light).min(1.0);
     let white = full * brightest;
-    let (spikes, centre) = around(noisy, at, 0)?;
-    let frame = &spikes[centre * geometry.frame_bytes()..];
     let mut panels = vec![
         ("LIGHT", grey(&light, brightest, geometry)),
-        ("SPIKES", from_levels((0..geometry.pixels()).map(|p| 255 * u8::from(bit(frame, p))), geometry)),
+        ("SPIKES", spikes_picture(noisy, at)?),
         ("TFP NOISY", grey(&window(noisy, at)?, white, geometry)),
     ];
     if let Some(clean) = clean {

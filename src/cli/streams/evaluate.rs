@@ -193,7 +193,7 @@ fn dataset(args: &Args, out: &Out) -> Result<()> {
     let done: Vec<_> = manifest.entries.iter().filter(|e| e.status == Status::Done).collect();
     let mut kinds = [("noisy", Vec::<Vec<Picture>>::new()), ("clean", Vec::new())];
     for entry in &done {
-        let folder = args.file.join("sequences").join(&entry.id);
+        let folder = entry.unpacked(&args.file)?;
         for ((kind, all), file) in kinds.iter_mut().zip(["stream.dat", "stream.clean.dat"]) {
             let (pictures, truth) = sequence(args, &folder, file, out)?;
             out.event(&json!({

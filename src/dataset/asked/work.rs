@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use crate::error::{Error, Kind};
 use crate::light::{Fit, Insertion, Transfer};
 use crate::scene::{Lighting, SamplesPerPixel};
+use crate::simulate::ImageForm;
 
 /// Which loaders find their folders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -42,6 +43,16 @@ impl std::str::FromStr for Structure {
     }
 }
 
+/// Which clear images are kept, and how they are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Images {
+    /// Readouts from one to the next, from readout 0 on. Without it those of a scene's own images are
+    /// kept, and of given inputs none.
+    pub every: Option<u64>,
+    /// How they are stored.
+    pub form: ImageForm,
+}
+
 /// Random driving scenes.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -54,8 +65,8 @@ pub struct Drives {
     pub readouts_per_image: u32,
     /// Images from one labelled image to the next; 0 for no labels.
     pub label_every: u32,
-    /// The light, or one drawn by each scene's seed.
-    pub lighting: Option<Lighting>,
+    /// The light of each scene is one of these, by its name; without any it is drawn by the scene's seed.
+    pub lighting: Vec<Lighting>,
     /// Lamp flicker in hertz.
     pub flicker_hz: Option<f64>,
     /// Vehicles, or as many as the seed says.
@@ -79,7 +90,7 @@ crate::setters::with_methods!(Drives {
     with_images: images: u32,
     with_readouts_per_image: readouts_per_image: u32,
     with_label_every: label_every: u32,
-    with_lighting: lighting: Option<Lighting>,
+    with_lighting: lighting: Vec<Lighting>,
     with_flicker_hz: flicker_hz: Option<f64>,
     with_vehicles: vehicles: Option<u32>,
     with_speed_kmh: speed_kmh: Option<f64>,
@@ -118,7 +129,7 @@ impl Drives {
             images: 500,
             readouts_per_image: 1,
             label_every: 25,
-            lighting: None,
+            lighting: Vec::new(),
             flicker_hz: None,
             vehicles: None,
             speed_kmh: None,
@@ -142,6 +153,8 @@ impl Drives {
 pub struct Inputs {
     /// Where they lie.
     pub folder: PathBuf,
+    /// A text that names them, one path below the folder a line; without it all that the folder holds are taken.
+    pub list: Option<PathBuf>,
     /// Readouts of every frame; `None` as its times or rate say, see [`crate::light::Pace`].
     pub readouts_per_frame: Option<u64>,
     /// Light between frames.
@@ -177,7 +190,7 @@ impl Structure {
 }
 
 /// What codes stand for, for manifests and records.
-pub(super) fn ground_truth(structure: Structure) -> Value {
+pub(crate) fn ground_truth(structure: Structure) -> Value {
     json!({
         "file": "gt.png", "transfer": "linear", "rate_at_255": structure.rate_at_255(),
         "readout": "floor(readouts / 2), counted from 0",

@@ -4,17 +4,16 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use crate::dataset::work::{Drives, Structure, Work, ground_truth};
-use crate::draws::hash::mix64;
-use crate::draws::{Seeds, Stream};
+use super::cameras::Cameras;
+use super::splits::Splits;
+use super::work::{Drives, Images, Structure, Work, ground_truth};
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
 use crate::light::Rate;
 use crate::presets;
 use crate::report::with_known;
 use crate::scene::labels::can_write_exr;
-use crate::scene::{SamplesPerPixel, SceneOptions};
-use crate::simulate::ImageForm;
+use crate::scene::{Lighting, SamplesPerPixel, SceneOptions};
 
 /// A dataset.
 #[derive(Clone, Debug)]
@@ -24,8 +23,10 @@ pub struct DatasetOptions {
     pub output: PathBuf,
     /// What is made.
     pub work: Work,
-    /// The camera.
+    /// The camera, or the first of them: its size and readout rate are those of all.
     pub camera: Camera,
+    /// Which cameras take the sequences.
+    pub cameras: Cameras,
     /// The noise of all sequences follows from this seed.
     pub seed: u64,
     /// The scenes, and which sequences are for testing, follow from this one.
@@ -36,8 +37,10 @@ pub struct DatasetOptions {
     pub camera_seed: u64,
     /// Whose folders and codes.
     pub structure: Structure,
-    /// Share of the sequences that are for testing, 0 to 1.
-    pub test_share: f64,
+    /// Shares of the sequences for training, validation and testing.
+    pub splits: Splits,
+    /// The version of the data, in the user's words.
+    pub data_version: Option<String>,
     /// SPDX identifier or words under which the dataset is given on; the user's choice.
     pub licence: Option<String>,
     /// Threads; they change no byte.
@@ -50,40 +53,18 @@ crate::setters::with_methods!(DatasetOptions {
     with_output: output: PathBuf,
     with_work: work: Work,
     with_camera: camera: Camera,
+    with_cameras: cameras: Cameras,
     with_seed: seed: u64,
     with_scene_seed: scene_seed: u64,
     with_images: images: Images,
     with_camera_seed: camera_seed: u64,
     with_structure: structure: Structure,
-    with_test_share: test_share: f64,
+    with_splits: splits: Splits,
+    with_data_version: data_version: Option<String>,
     with_licence: licence: Option<String>,
     with_threads: threads: usize,
     with_resume: resume: bool,
 });
-
-/// Which clear images are kept, and how they are stored.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Images {
-    /// Readouts from one to the next, from readout 0 on. Without it those of a scene's own images are
-    /// kept, and of given inputs none.
-    pub every: Option<u64>,
-    /// How they are stored.
-    pub form: ImageForm,
-}
-
-/// What a dataset will take.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[non_exhaustive]
-pub struct Estimate {
-    /// Sequences that are not done.
-    pub sequences: usize,
-    /// Their readouts; unknown ones (videos) are not counted.
-    pub readouts: u64,
-    /// Bytes on the disk, about.
-    pub bytes: u64,
-    /// Inputs whose length only their end will tell.
-    pub unknown: usize,
-}
 
 impl DatasetOptions {
     /// A dataset of this work in a folder, all seeds 0, a fifth of it for testing, on one thread.
@@ -93,12 +74,14 @@ impl DatasetOptions {
             output,
             work,
             camera,
+            cameras: Cameras::One,
             seed: 0,
             scene_seed: 0,
             images: Images::default(),
             camera_seed: 0,
             structure: Structure::default(),
-            test_share: 0.2,
+            splits: Splits { test: 0.2, ..Splits::default() },
+            data_version: None,
             licence: None,
             threads: 1,
             resume: false,
@@ -114,56 +97,22 @@ impl DatasetOptions {
             Work::Drives(d) => d.sequences == 0 || d.readouts() == 0,
             Work::Inputs(i) => i.readouts_per_frame == Some(0),
         };
-        let empty = empty || self.images.every == Some(0);
-        if empty || !(0.0..=1.0).contains(&self.test_share) {
+        if empty || self.images.every == Some(0) {
             return Err(Error::new(Kind::Usage, "dataset")
-                .found(if empty { "nothing to make" } else { "a share outside 0 to 1" })
-                .expected("at least one sequence, image and readout, and a test share from 0 to 1"));
+                .found("nothing to make")
+                .expected("at least one sequence, image and readout"));
         }
+        self.splits.check(&self.work)?;
+        self.cameras.check(&self.camera)?;
         match &self.work {
             Work::Drives(drives) => {
                 if drives.exr {
                     can_write_exr()?;
                 }
-                scene_options(self, drives)?.check()
+                scene_options(self, drives, drives.lighting.first().copied())?.check()
             }
             Work::Inputs(_) => Ok(()),
         }
-    }
-
-    /// Seeds of sequence `id`: one camera for all, noise of its own for each.
-    #[must_use]
-    pub fn seeds(&self, id: &str) -> Seeds {
-        Seeds { camera: self.camera_seed, shot: self.seed, sequence: Stream::named(id).id() }
-    }
-
-    /// Seed of the scene of sequence `id`.
-    #[must_use]
-    pub fn seed_of_scene(&self, id: &str) -> u64 {
-        mix64(mix64(self.scene_seed) ^ Stream::named(&format!("scene {id}")).id())
-    }
-
-    fn split_draw(&self, id: &str) -> u64 {
-        mix64(mix64(self.scene_seed) ^ Stream::named(&format!("split {id}")).id())
-    }
-
-    /// Which of `ids` are for testing.
-    ///
-    /// Of scenes, whose number is fixed, exactly the test share, rounded (and at least one on either
-    /// side if the share asks for both and there are two): those with the lowest draws. Of given inputs
-    /// each one draws on its own, so that an input added later moves no other one.
-    #[must_use]
-    pub fn tests(&self, ids: &[String]) -> Vec<bool> {
-        let draws: Vec<u64> = ids.iter().map(|id| self.split_draw(id)).collect();
-        if matches!(self.work, Work::Inputs(_)) {
-            let share = |draw: u64| ((draw >> 11) as f64) / (1u64 << 53) as f64;
-            return draws.iter().map(|&d| share(d) >= 1.0 - self.test_share).collect();
-        }
-        let (n, both) = (ids.len(), self.test_share > 0.0 && self.test_share < 1.0 && ids.len() > 1);
-        let wanted = (self.test_share * n as f64).round() as usize;
-        let wanted = if both { wanted.clamp(1, n - 1) } else { wanted };
-        // Two sequences with one draw would be two names with one hash of 64 bits.
-        draws.iter().map(|d| draws.iter().filter(|other| *other < d).count() < wanted).collect()
     }
 
     /// Everything that decides bytes, to compare a resumed dataset with the one begun.
@@ -180,7 +129,7 @@ impl DatasetOptions {
                     "kitti": d.kitti, "exr": d.exr,
                 }),
                 [
-                    ("lighting", d.lighting.map(|l| l.name().into())),
+                    ("lighting", lights(&d.lighting)),
                     ("flicker_hz", d.flicker_hz.map(Into::into)),
                     ("vehicles", d.vehicles.map(Into::into)),
                     ("speed_kmh", d.speed_kmh.map(Into::into)),
@@ -193,18 +142,27 @@ impl DatasetOptions {
                     "readouts_per_frame": i.readouts_per_frame, "insertion": i.insertion.to_string(),
                     "fit": i.fit.to_string(),
                 }),
-                [("transfer", i.transfer.map(|t| t.to_string().into()))],
+                [
+                    ("list", i.list.as_ref().map(|l| l.display().to_string().into())),
+                    ("transfer", i.transfer.map(|t| t.to_string().into())),
+                ],
             ),
         };
         let images = json!({ "as": self.images.form.name() });
-        Ok(json!({
+        let facts = json!({
             "work": work, "camera": presets::to_toml(&self.camera)?.text, "seed": self.seed,
             "scene_seed": self.scene_seed, "camera_seed": self.camera_seed,
-            "structure": self.structure.name(), "test_share": self.test_share,
+            "structure": self.structure.name(), "test_share": self.splits.test,
             "ground_truth": ground_truth(self.structure),
             "images": with_known(images, [("every", self.images.every.map(Into::into))]),
             "version": env!("CARGO_PKG_VERSION"),
-        }))
+        });
+        let more = [
+            ("cameras", self.cameras.texts()?.map(Into::into)),
+            ("validation_share", (self.splits.validation > 0.0).then(|| self.splits.validation.into())),
+            ("split_by_light", self.splits.by_light.then(|| true.into())),
+        ];
+        Ok(with_known(facts, more))
     }
 
     /// The readout rate as a fraction.
@@ -218,13 +176,26 @@ impl DatasetOptions {
     }
 }
 
+/// One light is said by its name, several as a list.
+fn lights(all: &[Lighting]) -> Option<Value> {
+    match all {
+        [] => None,
+        [one] => Some(one.name().into()),
+        all => Some(all.iter().map(|l| l.name()).collect::<Vec<_>>().into()),
+    }
+}
+
 /// What every scene of the dataset is asked to be.
-pub(super) fn scene_options(options: &DatasetOptions, drives: &Drives) -> Result<SceneOptions> {
+pub(crate) fn scene_options(
+    options: &DatasetOptions,
+    drives: &Drives,
+    lighting: Option<Lighting>,
+) -> Result<SceneOptions> {
     let geometry = options.camera.sensor.geometry;
     Ok(SceneOptions {
         width: geometry.width() as u32,
         height: geometry.height() as u32,
-        lighting: drives.lighting,
+        lighting,
         // One more readout than needed, so that rounding leaves the last one inside.
         duration_s: (drives.readouts() as f64 / options.rate()?.hz()).max(2e-3),
         speed_kmh: drives.speed_kmh,

@@ -1,0 +1,61 @@
+//! How far a dataset or a shard is, and the request to stop it.
+
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
+
+use crate::cli::shared::output::Out;
+use crate::cli::shared::progress::{Stop, stop_flag};
+use crate::dataset::Progress;
+use crate::report::with_known;
+use crate::{Error, Kind, Result};
+
+/// Between two JSON events.
+const PERIOD: Duration = Duration::from_millis(500);
+
+/// A bar over all sequences on a terminal, events when asked for JSON.
+pub(super) struct Watcher {
+    out: Out,
+    stop: Stop,
+    pub bar: ProgressBar,
+    said: Instant,
+}
+
+impl Watcher {
+    pub(crate) fn new(out: &Out) -> Result<Self> {
+        let bar = ProgressBar::new(1000);
+        if let Ok(style) = ProgressStyle::with_template("{wide_bar} {msg} {percent} %, {elapsed}, {eta} left")
+        {
+            bar.set_style(style);
+        }
+        Ok(Self { out: *out, stop: stop_flag()?, bar, said: Instant::now() })
+    }
+
+    /// Refuses to go on when that was asked for.
+    pub(super) fn go_on(&self) -> Result<()> {
+        if self.stop.load(Ordering::Relaxed) {
+            return Err(Error::new(Kind::Interrupted, "stopped on request")
+                .remedy("finished sequences are kept; go on with --resume"));
+        }
+        Ok(())
+    }
+
+    pub(super) fn step(&mut self, p: Progress<'_>) -> Result<()> {
+        self.go_on()?;
+        let inside = p.total.map_or(0.0, |n| p.readouts as f64 / n.max(1) as f64);
+        self.bar.set_position(((p.index as f64 + inside) / p.of as f64 * 1000.0) as u64);
+        let what = if p.verifying { "verify" } else { p.id };
+        self.bar.set_message(format!("{what} {}/{}", p.index + 1, p.of));
+        if self.said.elapsed() < PERIOD {
+            return Ok(());
+        }
+        self.said = Instant::now();
+        let about = json!({
+            "event": "progress", "sequence": p.id, "index": p.index, "of": p.of, "readouts": p.readouts,
+            "verifying": p.verifying,
+        });
+        self.out.event(&with_known(about, [("total", p.total.map(Into::into))]))
+    }
+}

@@ -1,0 +1,64 @@
+//! Which sequences are for training, for validation and for testing.
+
+use super::work::Work;
+use crate::error::{Error, Kind, Result};
+
+/// What a sequence is for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Split {
+    /// To train with.
+    #[default]
+    Train,
+    /// To choose between what was trained.
+    Validation,
+    /// To judge with.
+    Test,
+}
+
+impl Split {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Train, Self::Validation, Self::Test];
+
+    /// The name of its folder.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Train => "train",
+            Self::Validation => "validation",
+            Self::Test => "test",
+        }
+    }
+}
+
+/// Shares of the sequences, each 0 to 1; what is left is for training.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Splits {
+    /// For validation.
+    pub validation: f64,
+    /// For testing.
+    pub test: f64,
+    /// Whether every light has its share, to within one scene: of drawn scenes alone.
+    pub by_light: bool,
+}
+
+impl Splits {
+    pub(super) fn check(&self, work: &Work) -> Result<()> {
+        let shares = [self.validation, self.test, self.validation + self.test];
+        if shares.iter().any(|s| !(0.0..=1.0).contains(s)) {
+            return Err(Error::new(Kind::Usage, "dataset")
+                .found(format_args!(
+                    "a share of {} for validation, {} for testing",
+                    self.validation, self.test
+                ))
+                .expected("shares from 0 to 1, at most 1 together"));
+        }
+        if self.by_light && matches!(work, Work::Inputs(_)) {
+            return Err(Error::new(Kind::Usage, "split by light")
+                .found("given inputs")
+                .expected("drawn scenes, whose light is known")
+                .remedy("leave it out: each input draws its split on its own"));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,249 @@
+//! One shard: what is missing of it is made, at most by one process at a time.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::time::Instant;
+
+use super::journal::{self, Head, Journal, Line};
+use super::lock::{self, Lock};
+use super::pack;
+use super::plan::{Plan, Task};
+use crate::dataset::{DatasetOptions, Entry, Progress, Record, Status, Work, sequence, stamp};
+use crate::error::{Error, Kind, Result};
+use crate::storage::steps;
+
+/// How a shard is run.
+#[derive(Clone, Copy, Debug)]
+pub struct Running {
+    /// Threads; they change no byte.
+    pub threads: usize,
+    /// Check digests of what is there, not sizes and times alone.
+    pub verify: bool,
+    /// Try again what was set aside.
+    pub retry: bool,
+    /// Take the lock; without it nothing keeps two processes from one shard.
+    pub lock: bool,
+}
+
+/// What was done of a shard.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ShardReport {
+    /// Sequences made.
+    pub made: usize,
+    /// Sequences that were there.
+    pub kept: usize,
+    /// Sequences set aside, now or before, and why.
+    pub set_aside: Vec<(String, String)>,
+    /// What the user should know of the inputs of sequences made, one line each.
+    pub notes: Vec<String>,
+}
+
+/// Attempts at a sequence before it is set aside.
+const ATTEMPTS: u32 = 2;
+
+/// Makes what is missing of shard `number`. What is there stays, if every file has its size and time; what a killed run
+/// left behind is removed. `watch` hears of every batch, and its error stops the work, which loses no sequence
+/// that is finished.
+///
+/// A sequence that fails twice is set aside with its reason, and so is one whose input is not as it was when the plan was
+/// made; a full disk, a system that refuses to write, or a request to stop ends the run.
+///
+/// # Errors
+/// See above; [`Kind::Busy`] when another process is at the shard; [`Kind::Usage`] for a number beyond the last.
+pub fn run(
+    plan: &Plan,
+    number: u64,
+    how: &Running,
+    watch: &mut dyn FnMut(Progress<'_>) -> Result<()>,
+) -> Result<ShardReport> {
+    if number >= plan.shards() {
+        return Err(Error::new(Kind::Usage, "--shard")
+            .found(number)
+            .expected(format_args!("0 to {}", plan.shards().saturating_sub(1))));
+    }
+    let folder = plan.shard_folder(number);
+    let sequences = folder.join("sequences");
+    let create = |path: &Path| fs::create_dir_all(path).map_err(|e| Error::io(path.display(), e));
+    create(&folder)?;
+    let _lock = how.lock.then(|| Lock::take(&lock::place(&folder))).transpose()?;
+    clean(&folder)?;
+    let tasks = plan.tasks(number, &plan.scene_splits())?;
+    if let Some(report) = whole(plan, number, how)? {
+        return Ok(report);
+    }
+    create(&sequences)?;
+    let mut options = plan.options.clone();
+    options.output.clone_from(&folder);
+    options.threads = how.threads;
+    let mut shard = Shard { options, journal: Journal::of(&folder), report: ShardReport::default(), watch };
+    let known = shard.known(&folder, how)?;
+    let mut lines = Vec::with_capacity(tasks.len());
+    for (index, task) in tasks.iter().enumerate() {
+        let line = match known.get(&task.entry.id) {
+            Some(line) => line.clone(),
+            None => {
+                let line = shard.settle(task, index, tasks.len())?;
+                shard.journal.add(&line)?;
+                line
+            }
+        };
+        lines.push(line);
+    }
+    let packed =
+        if plan.pack { Some(pack::write(&plan.shard_pack(number), &sequences, &lines)?) } else { None };
+    if plan.pack {
+        // Their files go; the pack has a time of its own.
+        lines.iter_mut().for_each(|line| line.times_ns.clear());
+    }
+    journal::write_manifest(&folder, &Head::of(number, &lines, packed), &lines)?;
+    if plan.pack {
+        steps::remove(&sequences)?;
+    }
+    shard.journal.remove()?;
+    let mut report = shard.report;
+    report.set_aside = set_aside(&lines);
+    report.kept = lines.len() - report.made - report.set_aside.len();
+    Ok(report)
+}
+
+fn set_aside(lines: &[Line]) -> Vec<(String, String)> {
+    let failed = lines.iter().filter(|l| l.entry.status == Status::Failed);
+    failed.map(|l| (name(&l.entry), l.entry.reason.clone().unwrap_or_default())).collect()
+}
+
+/// What people know a sequence by.
+fn name(entry: &Entry) -> String {
+    entry.input.clone().filter(|name| !name.is_empty()).unwrap_or_else(|| entry.id.clone())
+}
+
+/// Removes what a killed run left: hidden folders and files in the making.
+fn clean(folder: &Path) -> Result<()> {
+    steps::remove_partials(folder, |_| true)?;
+    steps::remove_partials(&folder.join("sequences"), |_| true)?;
+    // The pack is made beside the folder, where others are at work too.
+    let (Some(beside), Some(name)) = (folder.parent(), folder.file_name()) else { return Ok(()) };
+    let own = format!(".{}.tar.", name.to_string_lossy());
+    steps::remove_partials(beside, |name| name.starts_with(&own))
+}
+
+/// The report of a shard that is done and unharmed; what is damaged loses its manifest.
+fn whole(plan: &Plan, number: u64, how: &Running) -> Result<Option<ShardReport>> {
+    let folder = plan.shard_folder(number);
+    let Some((head, lines)) = journal::read_manifest(&folder)? else { return Ok(None) };
+    let retry = how.retry && head.failed > 0;
+    let sound = match &head.pack {
+        Some(packed) => packed.holds(&plan.shard_pack(number), how.verify),
+        None => lines.iter().all(|line| is_sound(line, &folder, how)),
+    };
+    if sound && !retry {
+        if head.pack.is_some() {
+            steps::remove(&folder.join("sequences"))?;
+        }
+        Journal::of(&folder).remove()?;
+        let set_aside = set_aside(&lines);
+        let kept = lines.len() - set_aside.len();
+        return Ok(Some(ShardReport { kept, set_aside, ..ShardReport::default() }));
+    }
+    // Packed sequences are there no more; a line without files would not hold.
+    Journal::of(&folder).begin(&lines)?;
+    journal::withdraw_manifest(&folder)?;
+    Ok(None)
+}
+
+fn is_sound(line: &Line, folder: &Path, how: &Running) -> bool {
+    if line.entry.status == Status::Failed {
+        return true;
+    }
+    let place = folder.join("sequences").join(&line.entry.id);
+    let digest = line.entry.digest.as_deref().unwrap_or_default();
+    if how.verify { Record::verify(&place, digest).is_ok() } else { line.holds(&place) }
+}
+
+struct Shard<'a> {
+    options: DatasetOptions,
+    journal: Journal,
+    report: ShardReport,
+    watch: &'a mut dyn FnMut(Progress<'_>) -> Result<()>,
+}
+
+impl Shard<'_> {
+    /// The settled sequences that hold, with which the journal begins anew.
+    fn known(&self, folder: &Path, how: &Running) -> Result<BTreeMap<String, Line>> {
+        let mut lines = self.journal.read()?;
+        lines.retain(|line| match line.entry.status {
+            Status::Failed => !how.retry,
+            _ => is_sound(line, folder, how),
+        });
+        self.journal.begin(&lines)?;
+        Ok(lines.into_iter().map(|line| (line.entry.id.clone(), line)).collect())
+    }
+
+    /// Makes a sequence, or sets it aside.
+    fn settle(&mut self, task: &Task, index: usize, of: usize) -> Result<Line> {
+        let start = Instant::now();
+        let mut attempt = 1;
+        let reason = loop {
+            match self.make(task, index, of) {
+                Ok(entry) => {
+                    self.report.made += 1;
+                    let folder = self.options.output.join("sequences").join(&entry.id);
+                    return Line::done(entry, start.elapsed().as_secs_f64(), &folder);
+                }
+                Err(e) if self.ends(&e) => return Err(e),
+                Err(_) if attempt < ATTEMPTS => attempt += 1,
+                Err(e) => break e.to_string(),
+            }
+        };
+        let mut entry = task.entry.clone();
+        (entry.status, entry.reason, entry.bytes) = (Status::Failed, Some(reason), None);
+        // An earlier attempt of another run may have left its folder.
+        steps::remove(&self.options.output.join("sequences").join(&entry.id))?;
+        Ok(Line { entry, seconds: start.elapsed().as_secs_f64(), times_ns: Vec::new() })
+    }
+
+    /// Whether an error would strike the next sequence too.
+    fn ends(&self, e: &Error) -> bool {
+        let own = e.subject().starts_with(&*self.options.output.to_string_lossy());
+        match e.kind() {
+            Kind::Space | Kind::Interrupted | Kind::Exists | Kind::Requeue => true,
+            Kind::Io => own,
+            _ => false,
+        }
+    }
+
+    fn make(&mut self, task: &Task, index: usize, of: usize) -> Result<Entry> {
+        let mut entry = task.entry.clone();
+        self.unchanged(task)?;
+        if let (Work::Inputs(inputs), Some(name)) = (&self.options.work, &entry.input) {
+            entry.input_digest = Some(stamp::digest(&inputs.folder.join(name))?);
+        }
+        let (watch, id) = (&mut *self.watch, task.entry.id.clone());
+        let mut tell =
+            |readouts, total| watch(Progress { index, of, id: &id, readouts, total, verifying: false });
+        let (record, digest, readouts) = sequence::make(&self.options, &entry, &mut tell)?;
+        let notes = record.about["notes"].as_array().into_iter().flatten();
+        self.report.notes.extend(notes.filter_map(|n| n.as_str().map(str::to_owned)));
+        (entry.status, entry.bytes) = (Status::Done, Some(record.bytes()));
+        (entry.digest, entry.readouts) = (Some(digest), Some(readouts));
+        Ok(entry)
+    }
+
+    /// Refuses an input that is not as it was when the plan was made.
+    fn unchanged(&self, task: &Task) -> Result<()> {
+        let (Work::Inputs(inputs), Some(name), Some(stamp)) =
+            (&self.options.work, &task.entry.input, task.stamp)
+        else {
+            return Ok(());
+        };
+        let path = inputs.folder.join(name);
+        let found = stamp::of(&path)?;
+        if found == stamp {
+            return Ok(());
+        }
+        Err(Error::new(Kind::Input, path.display())
+            .found(format_args!("{} bytes, changed at {} ns", found.bytes, found.time_ns))
+            .expected(format_args!("{} bytes, changed at {} ns, as planned", stamp.bytes, stamp.time_ns))
+            .remedy("restore it (cp -p keeps the time), or plan anew in another folder"))
+    }
+}

@@ -1,0 +1,116 @@
+//! The boxes and masks of a split in one file for COCO's tools: `SPLIT/coco.json`.
+//!
+//! Images come before annotations in the file and are known with them, so both are written down apart and joined.
+
+use std::fs::{self, File};
+use std::io::{BufWriter, Write as _, copy};
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use crate::dataset::{DatasetOptions, Entry};
+use crate::error::{Error, Kind, Result};
+use crate::storage::steps;
+
+/// Its name in the folder of a split.
+pub(super) const NAME: &str = "coco.json";
+
+/// The file of a split in the making.
+pub(super) struct Merged {
+    path: PathBuf,
+    images: Part,
+    annotations: Part,
+    categories: Value,
+}
+
+/// One of its lists: values joined by commas.
+struct Part {
+    file: BufWriter<File>,
+    hidden: PathBuf,
+    count: u64,
+}
+
+impl Part {
+    fn begin(folder: &Path, what: &str) -> Result<Self> {
+        let hidden = folder.join(format!(".coco-{what}.partial"));
+        let file = File::create(&hidden).map_err(|e| Error::io(hidden.display(), e))?;
+        Ok(Self { file: BufWriter::new(file), hidden, count: 0 })
+    }
+
+    fn add(&mut self, value: &Value) -> Result<()> {
+        let comma = if self.count > 0 { ",\n" } else { "" };
+        self.count += 1;
+        write!(self.file, "{comma}{value}").map_err(|e| Error::io(self.hidden.display(), e))
+    }
+
+    /// Writes what was added into `file`, and is gone.
+    fn pour(mut self, file: &mut File) -> std::io::Result<()> {
+        self.file.flush()?;
+        copy(&mut File::open(&self.hidden)?, file)?;
+        fs::remove_file(&self.hidden)
+    }
+}
+
+impl Merged {
+    pub(super) fn begin(folder: &Path) -> Result<Self> {
+        fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
+        Ok(Self {
+            path: folder.join(NAME),
+            images: Part::begin(folder, "images")?,
+            annotations: Part::begin(folder, "annotations")?,
+            categories: Value::Array(Vec::new()),
+        })
+    }
+
+    /// Adds the images and annotations of a sequence under numbers of their own.
+    ///
+    /// `file_name` is the picture's path below the dataset's folder.
+    pub(super) fn add(&mut self, options: &DatasetOptions, entry: &Entry) -> Result<()> {
+        let folder = entry.folder(&options.output);
+        let path = folder.join("labels").join(NAME);
+        let bytes = fs::read(&path).map_err(|e| Error::io(path.display(), e))?;
+        let bad = |found: &dyn std::fmt::Display| {
+            Error::new(Kind::Corrupt, path.display()).found(found).expected("COCO's lists")
+        };
+        let mut own: Value = serde_json::from_slice(&bytes).map_err(|e| bad(&e))?;
+        let below = folder.strip_prefix(&options.output).unwrap_or(&folder).join("images");
+        let (images_before, annotations_before) = (self.images.count, self.annotations.count);
+        let shift = |value: &mut Value, key: &str, by: u64| -> Result<()> {
+            let id = value[key].as_u64().ok_or_else(|| bad(&format_args!("no {key}")))?;
+            value[key] = (id + by).into();
+            Ok(())
+        };
+        for image in own["images"].as_array_mut().into_iter().flatten() {
+            shift(image, "id", images_before)?;
+            let readout = image["readout"].as_u64().ok_or_else(|| bad(&"an image without readout"))?;
+            let name = format!("{readout:06}.{}", options.images.form.extension());
+            image["file_name"] = below.join(name).to_string_lossy().into();
+            image["sequence"] = entry.id.as_str().into();
+            self.images.add(image)?;
+        }
+        for annotation in own["annotations"].as_array_mut().into_iter().flatten() {
+            shift(annotation, "id", annotations_before)?;
+            shift(annotation, "image_id", images_before)?;
+            self.annotations.add(annotation)?;
+        }
+        self.categories = own["categories"].take();
+        Ok(())
+    }
+
+    pub(super) fn finish(self) -> Result<()> {
+        let hidden = self.path.with_file_name(format!(".{NAME}.partial"));
+        let joined = || -> std::io::Result<File> {
+            let mut file = File::create(&hidden)?;
+            file.write_all(b"{\"images\": [")?;
+            self.images.pour(&mut file)?;
+            file.write_all(b"],\n\"annotations\": [")?;
+            self.annotations.pour(&mut file)?;
+            write!(file, "],\n\"categories\": {}}}\n", self.categories)?;
+            Ok(file)
+        };
+        let file = joined().map_err(|e| Error::io(self.path.display(), e))?;
+        steps::sync_file(&file, &hidden)?;
+        steps::rename(&hidden, &self.path)?;
+        steps::sync_folder(self.path.parent().unwrap_or(Path::new(".")))
+    }
+}

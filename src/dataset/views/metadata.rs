@@ -1,0 +1,48 @@
+//! The tables by which Hugging Face's `imagefolder` knows the pictures of each split: `SPLIT/metadata.jsonl`.
+
+use serde_json::json;
+
+use crate::dataset::{DatasetOptions, Entry, Split};
+use crate::error::Result;
+use crate::report::with_known;
+use crate::storage::{self, steps};
+
+/// Its name in the folder of a split.
+pub(super) const NAME: &str = "metadata.jsonl";
+
+#[derive(Default)]
+pub(super) struct Tables {
+    splits: [String; 3],
+}
+
+impl Tables {
+    pub(super) fn add(&mut self, entry: &Entry, split: usize) {
+        let id = &entry.id;
+        // Seeds exceed the integers of some readers, and some take a text of digits for a number.
+        let about = json!({
+            "file_name": format!("gt/{id}.png"), "id": id, "spike": format!("spike/{id}.dat"),
+            "clean": format!("clean/{id}.dat"), "readouts": entry.readouts,
+            "camera_seed": format!("{:#x}", entry.seeds[0]), "record": entry.digest,
+        });
+        let more = [
+            ("input", entry.input.as_deref().map(Into::into)),
+            ("scene_seed", entry.scene_seed.map(|s| format!("{s:#x}").into())),
+        ];
+        self.splits[split] += &format!("{}\n", with_known(about, more));
+    }
+
+    /// Writes the tables; returns those that are not empty, by their split.
+    pub(super) fn write(self, options: &DatasetOptions) -> Result<Vec<(Split, String)>> {
+        let mut written = Vec::new();
+        for (split, text) in Split::ALL.into_iter().zip(self.splits) {
+            let path = options.output.join(split.name()).join(NAME);
+            if text.is_empty() {
+                steps::remove(&path)?;
+            } else {
+                storage::write_small(&path, text.as_bytes(), true)?;
+                written.push((split, text));
+            }
+        }
+        Ok(written)
+    }
+}
