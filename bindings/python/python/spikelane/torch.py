@@ -1,12 +1,14 @@
 """Streams for torch's loaders: a fresh recording of every clip in every epoch.
 
 `SpikeClips` is a map-style dataset, `SpikeClipStream` an iterable one. A stream is fixed by (seed, epoch, index): the
-workers, their number, and whether they are forked or spawned change nothing. torch is imported here and nowhere else.
+workers, their number, and whether they are forked or spawned change nothing. `SpikeShards` reads datasets that were made
+before, from their packs. torch is imported here and nowhere else.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,8 +18,9 @@ from torch.utils.data import Dataset, IterableDataset, get_worker_info
 
 from ._clips import ClipSampler, _hash
 from ._native import Camera, CameraDistribution
+from ._shards import ShardReader
 
-__all__ = ["SpikeClipStream", "SpikeClips"]
+__all__ = ["SpikeClipStream", "SpikeClips", "SpikeShards"]
 
 Clips = Sequence[NDArray[Any]] | NDArray[Any]
 
@@ -117,3 +120,51 @@ class SpikeClipStream(IterableDataset[dict[str, Any]]):
         own, workers = (worker.id, worker.num_workers) if worker else (0, 1)
         for index in order[self.rank :: self.ranks][own::workers]:
             yield _tensors(self.sampler.item(index, epoch))
+
+
+class SpikeShards(IterableDataset[dict[str, Any]]):
+    """Sequences of packed shards: one pass over those of a split, read tar by tar.
+
+    ``source`` is the folder of a dataset that was planned with ``--pack``, or a list of tars. Items hold ``id``, ``split``,
+    ``record`` (a dict), ``spikes`` (uint8 of 0 and 1, shape (T, H, W), the top row first), with ``clean`` also the noise-free
+    twin, and whatever ``members`` names: ``"labels-000000-depth.npy"`` as a tensor, ``"stream.json"`` as a dict, other files,
+    such as ``"png"``, as bytes. Of W workers (and R ranks) each takes every W-th (R-th) tar, so have more tars than
+    workers. ``shuffle=True`` draws the order of tars anew in every epoch; within a tar sequences follow their names.
+
+    Raises SpikelaneError where there is no tar, or a sequence lacks what is asked for.
+    """
+
+    def __init__(
+        self,
+        source: str | Path | Sequence[str | Path],
+        split: str | None = None,
+        *,
+        clean: bool = False,
+        members: Sequence[str] = (),
+        shuffle: bool = False,
+        seed: int = 0,
+        rank: int = 0,
+        ranks: int = 1,
+    ) -> None:
+        if not 0 <= rank < ranks:
+            raise ValueError(f"rank: found {rank} of {ranks}, expected 0 to {ranks - 1}; count ranks from 0")
+        self.reader = ShardReader(source, split, clean=clean, members=members, shuffle=shuffle, seed=seed)
+        self.rank = rank
+        self.ranks = ranks
+        self._epoch = _shared_zero()
+
+    def set_epoch(self, epoch: int) -> None:
+        """Chooses the epoch, 0 at first."""
+        self._epoch[0] = epoch
+
+    @property
+    def epoch(self) -> int:
+        """The epoch."""
+        return int(self._epoch[0])
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        worker: Any = get_worker_info()  # type: ignore[no-untyped-call, unused-ignore]
+        own, workers = (worker.id, worker.num_workers) if worker else (0, 1)
+        tars = self.reader.part(self.epoch, self.ranks * workers, self.rank * workers + own)
+        for item in self.reader.items(tars):
+            yield _tensors(item)

@@ -1,0 +1,122 @@
+"""Sequences of packed shards: read tar by tar, without torch."""
+
+from __future__ import annotations
+
+import io
+import json
+import tarfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._clips import _hash, _usage
+from ._native import unpack
+
+SPLITS = ("train", "validation", "test")
+
+
+class ShardReader:
+    """The tars of a dataset that was planned with ``--pack``; see ``spikelane.torch.SpikeShards`` for the arguments."""
+
+    def __init__(
+        self,
+        source: str | Path | Sequence[str | Path],
+        split: str | None,
+        *,
+        clean: bool,
+        members: Sequence[str],
+        shuffle: bool,
+        seed: int,
+    ) -> None:
+        if split is not None and split not in SPLITS:
+            raise _usage("split", repr(split), "'train', 'validation', 'test' or None", "None gives all sequences")
+        self.tars = _tars(source)
+        self.split = split
+        self.clean = clean
+        self.members = tuple(members)
+        self.shuffle = shuffle
+        self.seed = seed
+
+    def part(self, epoch: int, of: int, own: int) -> list[Path]:
+        """The tars that are the share of part ``own`` of ``of``, in the order of the epoch."""
+        order = list(range(len(self.tars)))
+        if self.shuffle:
+            order.sort(key=lambda index: _hash(self.seed, 0x5AD5, epoch, index))
+        return [self.tars[index] for index in order[own::of]]
+
+    def items(self, tars: Sequence[Path]) -> Iterator[dict[str, Any]]:
+        """Every sequence of the split, in the order in which it lies."""
+        for path in tars:
+            for key, files in _sequences(path):
+                found = files.get("split.txt")
+                if self.split is None or (found is not None and found.decode() == self.split):
+                    yield self._item(path, key, files)
+
+    def _item(self, path: Path, key: str, files: dict[str, bytes]) -> dict[str, Any]:
+        try:
+            about = json.loads(files["stream.json"])
+            item: dict[str, Any] = {
+                "id": key,
+                "split": files["split.txt"].decode(),
+                "record": json.loads(files["json"]),
+                "spikes": _spikes(files["spk.dat"], about),
+            }
+            if self.clean:
+                item["clean"] = _spikes(files["clean.dat"], about)
+            item.update({name: _member(name, files[name]) for name in self.members})
+        except KeyError as missing:
+            raise _usage(
+                str(path),
+                f"no {missing.args[0]} of {key}",
+                "a sequence as 'spikelane dataset run' packs it",
+                f"it has {', '.join(sorted(files))}",
+            ) from missing
+        return item
+
+
+def _tars(source: str | Path | Sequence[str | Path]) -> list[Path]:
+    if isinstance(source, (str, Path)):
+        folder = Path(source)
+        found = sorted(folder.glob("shards/*.tar")) or sorted(folder.glob("*.tar"))
+        if not found:
+            raise _usage(str(source), "no tar", "the folder of a dataset that was planned with --pack", "run its shards")
+        return found
+    return [Path(path) for path in source]
+
+
+def _sequences(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
+    """Members that follow one another and share what is before their first dot."""
+    key, files = "", dict[str, bytes]()
+    with tarfile.open(path, "r|") as tar:
+        for member in tar:
+            body = tar.extractfile(member)
+            if body is None:
+                continue
+            own, _, what = member.name.partition(".")
+            if own != key and files:
+                yield key, files
+                files = {}
+            key = own
+            files[what] = body.read()
+    if files:
+        yield key, files
+
+
+def _spikes(stream: bytes, about: dict[str, Any]) -> NDArray[np.uint8]:
+    """uint8 of 0 and 1, (T, H, W), the top row first."""
+    width, height, readouts = about["width"], about["height"], about["readouts"]
+    packed = np.frombuffer(stream, np.uint8).reshape(readouts, (width * height + 7) // 8)
+    bits: NDArray[np.uint8] = unpack(packed, height, width)
+    # In the file the bottom row comes first.
+    return np.ascontiguousarray(bits[:, ::-1])
+
+
+def _member(name: str, body: bytes) -> Any:
+    if name.endswith(".npy"):
+        return np.load(io.BytesIO(body))
+    if name.endswith(".json"):
+        return json.loads(body)
+    return body
