@@ -25,17 +25,21 @@ macro_rules! runs {
 
 runs! {
     readme: "README.md";
+    guide_clusters: "docs/guides/clusters.md", SEQUENCES = "3", IMAGES = "3", PER_SHARD = "1";
     guide_embedding: "docs/guides/embedding.md";
     guide_first_video: "docs/guides/first-video.md";
     guide_own_camera: "docs/guides/own-camera.md", SIDE = "24", READOUTS = "800", LONGEST = "200";
     guide_own_data_set: "docs/guides/own-data-set.md", FRAMES = "2", SEQUENCES = "2", IMAGES = "4";
+    reference_datasets: "docs/reference/datasets.md", SEQUENCES = "2", IMAGES = "3";
     reference_features: "docs/reference/features.md";
     reference_formats: "docs/reference/formats.md";
     reference_live: "docs/reference/live.md";
     reference_measure: "docs/reference/measure.md", READOUTS = "500";
     reference_recordings: "docs/reference/recordings.md";
+    reference_shards: "docs/reference/shards.md";
     why_calibration: "docs/why/calibration.md";
     why_calibration_labs: "docs/why/calibration-labs.md";
+    why_clusters: "docs/why/clusters.md";
     why_diagnosis: "docs/why/diagnosis.md";
     why_fuzzing: "docs/why/fuzzing.md";
     why_measure_coverage: "docs/why/measure-coverage.md";

@@ -103,12 +103,21 @@ fn section(path: &str, help: &Help) -> String {
     text
 }
 
+/// The commands below a command.
+fn below(name: &str) -> Vec<String> {
+    commands(&help(name)).iter().map(|sub| format!("{name} {sub}")).collect()
+}
+
 fn generated() -> String {
     let top = help("");
     let mut paths: Vec<String> = Vec::new();
     for name in commands(&top) {
         match name.as_str() {
-            "preset" => paths.extend(commands(&help("preset")).iter().map(|sub| format!("preset {sub}"))),
+            "preset" => paths.extend(below("preset")),
+            "dataset" => {
+                paths.push(name);
+                paths.extend(below("dataset"));
+            }
             _ => paths.push(name),
         }
     }
