@@ -4,8 +4,7 @@ set -eu
 command -v spikelane > /dev/null || { echo "$0: no spikelane in the path; cargo install --path . puts it there" >&2; exit 1; }
 out=${1:-diagnose-example}
 mkdir -p "$out"
-# Pixels start at any phase of their cycle, as those of real cameras do.
-spikelane preset show scsim-code | sed 's/^charge = "1 fC"/share = 1/' > "$out/model.toml"
+spikelane preset show scsim-code > "$out/model.toml"
 {
     cat "$out/model.toml"
     printf '\n[effects.hot_pixels]\nfraction = 0.008\nfactor = 8\n'

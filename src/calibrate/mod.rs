@@ -46,6 +46,7 @@ pub use result::LIGHT_UNCERTAINTY;
 #[cfg(not(feature = "internals"))]
 pub(crate) use result::LIGHT_UNCERTAINTY;
 pub use result::{CalibrateOptions, Calibration, Lamp, Redrawn};
+pub(crate) use sets::check::alike;
 pub use sets::observe::{Progress, observe};
 pub use sets::observed::{IntervalNoise, Level, Observed};
 pub use sets::protocol::Protocol;

@@ -11,6 +11,8 @@
 mod answer;
 mod events;
 mod fit;
+mod given;
+mod lab;
 mod null;
 mod protocol;
 mod recording;
@@ -18,11 +20,12 @@ mod run;
 mod search;
 mod sensors;
 mod statistics;
+mod strengths;
 
 pub use answer::diagnosis::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
 pub use answer::page::page;
 pub use answer::pictures::{Picture, Trace};
-pub use null::limits::Limits;
+pub use lab::fault::{Fault, FaultKind};
 pub use null::nameable::Nameable;
 #[cfg(feature = "internals")]
 #[doc(hidden)]
@@ -31,20 +34,18 @@ pub use null::nameable::SCORE;
 pub(crate) use null::nameable::SCORE;
 pub use null::reference::{Progress, Reference};
 pub use protocol::extent::{Extent, Part};
-pub use protocol::recorded::Scene as Recorded;
 pub use protocol::recorded_set::Setup;
-pub use protocol::still::Still;
 pub use run::{Options as DiagnoseOptions, diagnose};
 pub use search::round::Fate;
 pub use statistics::entry::Statistic;
-
-use crate::effects::Camera;
-use crate::error::Result;
+pub use strengths::{Strengths, strengths};
 
 /// The published model at the size and rate of a set: what a diagnosis starts from.
 ///
 /// # Errors
 /// Never, in practice: the model is built in.
-pub fn published(setup: &Setup) -> Result<Camera> {
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub fn published(setup: &Setup) -> crate::error::Result<crate::effects::Camera> {
     sensors::published::published(setup)
 }

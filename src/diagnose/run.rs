@@ -1,41 +1,39 @@
 //! A diagnosis from recordings to words.
 
-use std::borrow::Cow;
 use std::time::Instant;
 
 use nalgebra::DVector;
 
 use crate::calibrate::{self, Light, Pattern, RecordingSet};
+use crate::diagnose::answer::caution::cautious;
 use crate::diagnose::answer::diagnosis::Diagnosis;
 use crate::diagnose::answer::notes::of_the_sets;
 use crate::diagnose::answer::outcome::outcome;
 use crate::diagnose::answer::pictures::pictures;
 use crate::diagnose::events::located::Events;
 use crate::diagnose::fit::fitter::Fitter;
+use crate::diagnose::given::about::About;
+use crate::diagnose::given::base_model::BaseModel;
+use crate::diagnose::given::taken::{Both, Taken};
 use crate::diagnose::null::reference::{Progress, Reference};
 use crate::diagnose::null::signature::Signature;
+use crate::diagnose::protocol::agreement::{poor, same_protocol};
 use crate::diagnose::protocol::extent::{Extent, Part};
-use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::search::context::{Case, Judge};
 use crate::diagnose::search::own_numbers::rebased;
 use crate::diagnose::search::search::{Found, search};
-use crate::diagnose::sensors::catalogue::Candidate;
-use crate::diagnose::sensors::published::calibrated;
-use crate::diagnose::statistics::measured::Measured;
-use crate::diagnose::statistics::measured::measure;
-use crate::diagnose::statistics::readouts::{line, power, sharpened};
-use crate::effects::{Camera, Catalogue, Definition};
-use crate::error::{Error, Kind, Result};
-
-/// Power over the mean from which on a line in the frame totals is worth a frequency.
-const LINE: f64 = 12.0;
+use crate::diagnose::search::with_line::with_line;
+use crate::diagnose::sensors::published::published;
+use crate::effects::{Camera, Catalogue, Maps, start_phase};
+use crate::error::Result;
 
 /// What a diagnosis is given besides the recordings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options<'a> {
     /// The model to start from; without one the published model is calibrated.
     pub camera: Option<&'a Camera>,
-    /// Simulations of an earlier diagnosis under the same protocol.
+    /// Simulations of an earlier diagnosis under the same protocol. The sets are then judged as they are: nothing is calibrated, and
+    /// neither lamps nor the start of recordings are looked at.
     pub reference: Option<&'a Reference>,
     /// Seed of all simulations.
     pub seed: u64,
@@ -61,48 +59,166 @@ pub fn diagnose(
     let start = Instant::now();
     let still = |r: &calibrate::Recording| matches!(r.light, Light::Scene(Pattern::StaticUnknown {}));
     let alone = set.recordings.is_empty() || set.recordings.iter().any(still);
-    let (first, second) =
-        if holdout.is_some() || alone { (Part::Whole, Part::Whole) } else { (Part::First, Part::Second) };
-    let extent = options.extent;
-    let (setup, other) = (Setup::of(set, first, extent)?, Setup::of(holdout.unwrap_or(set), second, extent)?);
-    poor(&setup, options.camera.is_some())?;
-    same_protocol(&setup, &other)?;
+    let parts = if holdout.is_some() || alone { [Part::Whole; 2] } else { [Part::First, Part::Second] };
+    let sets = [set, holdout.unwrap_or(set)];
+    let held_out = Held { second_set: holdout.is_some(), alone };
     progress("reading", 0.0);
-    let measured = measure(&setup, set)?;
-    let data = DVector::from_vec(measured.values.clone());
-    let other_measured = measure(&other, holdout.unwrap_or(set))?;
-    let held = DVector::from_vec(other_measured.values);
-    let held_out = holdout.is_some() || !alone;
-    let judge = Judge { data: &held, setup: (first != second).then_some(&other), held_out };
-    let located = Events::new(measured.located.clone(), other_measured.located, held_out, &setup.scenes);
-    let sets = Sets { set, measured: &measured, data: &data, judge: &judge, located: &located };
-    let (reference, mut found) = match options.reference {
-        Some(reference) => {
-            same_protocol(&setup, &reference.setup)?;
-            let signatures = with_line(reference, &measured)?;
-            (Cow::Borrowed(reference), search(&sets.case(reference, &signatures), progress)?)
-        }
-        None => {
-            let (reference, found) = sets.searched(setup.clone(), options, progress)?;
-            (Cow::Owned(reference), found)
-        }
+    let mut diagnosis = match options.reference {
+        Some(reference) => shared(sets, parts, held_out, reference, options, progress)?,
+        None => by_itself(sets, parts, held_out, options, progress)?,
     };
-    let mut diagnosis = outcome(Fitter { reference: &reference, data: &data }, &mut found, options.camera)?;
-    progress("pictures", 0.95);
-    let last = (&found.fit.model, found.fit.u.as_slice());
-    diagnosis.traces.pictures = pictures(&reference, set, &measured.scans, last)?;
-    diagnosis.notes.extend(of_the_sets(&setup, options.camera, holdout.is_some(), alone));
     diagnosis.seconds = start.elapsed().as_secs_f64();
     Ok(diagnosis)
 }
 
+/// What judges.
+#[derive(Clone, Copy)]
+struct Held {
+    second_set: bool,
+    /// Whether the set cannot be cut.
+    alone: bool,
+}
+
+impl Held {
+    fn out(self) -> bool {
+        self.second_set || !self.alone
+    }
+}
+
+/// Sets that share a reference with others of their protocol.
+fn shared(
+    sets: [&RecordingSet; 2],
+    parts: [Part; 2],
+    held_out: Held,
+    reference: &Reference,
+    options: Options<'_>,
+    progress: Progress<'_>,
+) -> Result<Diagnosis> {
+    let [fitted, judging] = [0, 1].map(|i| Taken::of(sets[i], parts[i], options.extent, &[]));
+    let both = Both { fitted: fitted?, judging: judging?, aside: Vec::new(), faults: Vec::new() };
+    poor(&both.fitted.setup, options.camera.is_some())?;
+    same_protocol(&both.fitted.setup, &both.judging.setup)?;
+    same_protocol(&both.fitted.setup, &reference.setup)?;
+    let given = Given::of(&both, parts, held_out);
+    let signatures = with_line(reference, &both.fitted.measured)?;
+    let found = search(&given.sets().case(reference, &signatures), progress)?;
+    given.said(reference, found, options.camera, progress)
+}
+
+/// Sets with a reference of their own, of the camera that is given or that calibration finds.
+fn by_itself(
+    sets: [&RecordingSet; 2],
+    parts: [Part; 2],
+    held_out: Held,
+    options: Options<'_>,
+    progress: Progress<'_>,
+) -> Result<Diagnosis> {
+    let both = Both::read(sets, parts, options.extent)?;
+    same_protocol(&both.fitted.setup, &both.judging.setup)?;
+    let about = |base: Option<&BaseModel>| About {
+        held_out: held_by(held_out),
+        camera: options
+            .camera
+            .map_or_else(|| "the published model, calibrated".to_owned(), |c| c.name.clone()),
+        seed: options.seed,
+        numbers: base.map_or_else(Vec::new, |b| b.numbers.clone()),
+        lamps: base.map_or_else(Vec::new, |b| b.lamps.clone()),
+        ..About::of(&both.fitted.setup, &both.fitted.set)
+    };
+    if let Err(why) = poor(&both.fitted.setup, options.camera.is_some()) {
+        if both.faults.is_empty() {
+            return Err(why);
+        }
+        let camera = options.camera.map_or_else(|| published(&both.fitted.setup), |c| Ok(c.clone()))?;
+        let about = Some(about(None));
+        return Ok(Diagnosis { about, ..Diagnosis::stopped(both.faults, camera) });
+    }
+    progress("calibrating", 0.0);
+    let base = BaseModel::of(&both.fitted.set, &both.fitted.setup, options.camera)?;
+    let given = Given::of(&both, parts, held_out);
+    let (reference, found) = given.sets().searched(&base.camera, options, progress)?;
+    let own = options.camera.map(|_| &base.camera);
+    let mut diagnosis = given.said(&reference, found, own, progress)?;
+    cautious(&mut diagnosis, &reference);
+    restore(&mut diagnosis.camera, options.camera);
+    diagnosis.about = Some(about(Some(&base)));
+    diagnosis.notes.extend(base.notes);
+    Ok(diagnosis)
+}
+
+fn held_by(held_out: Held) -> String {
+    match held_out {
+        Held { second_set: true, .. } => "a second set",
+        Held { alone: false, .. } => "the second half of every recording",
+        Held { .. } => "nothing",
+    }
+    .to_owned()
+}
+
+/// What stood aside for the search: the camera's maps, and where its recordings start.
+fn restore(camera: &mut Camera, given: Option<&Camera>) {
+    let Some(given) = given else { return };
+    if given.maps != Maps::default() {
+        camera.maps = given.maps.clone();
+    }
+    let plain = camera.clone();
+    *camera = match given.effect(start_phase::EFFECT.name) {
+        Some(own) => plain.with(own.clone()),
+        None => plain.without(start_phase::EFFECT.name),
+    };
+}
+
+/// Two measured sets as vectors.
+struct Given<'a> {
+    both: &'a Both,
+    data: DVector<f64>,
+    judging: DVector<f64>,
+    located: Events,
+    parts: [Part; 2],
+    held_out: Held,
+}
+
 /// What a search is given besides a reference.
 struct Sets<'a> {
-    set: &'a RecordingSet,
-    measured: &'a Measured,
+    taken: &'a Taken,
     data: &'a DVector<f64>,
-    judge: &'a Judge<'a>,
+    judge: Judge<'a>,
     located: &'a Events,
+}
+
+impl<'a> Given<'a> {
+    fn of(both: &'a Both, parts: [Part; 2], held_out: Held) -> Self {
+        let [fitted, judging] = [&both.fitted.measured, &both.judging.measured];
+        let scenes = &both.fitted.setup.scenes;
+        let located = Events::new(fitted.located.clone(), judging.located.clone(), held_out.out(), scenes);
+        let [data, judging] = [fitted, judging].map(|m| DVector::from_vec(m.values.clone()));
+        Self { both, data, judging, located, parts, held_out }
+    }
+
+    fn sets(&self) -> Sets<'_> {
+        let setup = (self.parts[0] != self.parts[1]).then_some(&self.both.judging.setup);
+        let judge = Judge { data: &self.judging, setup, held_out: self.held_out.out() };
+        Sets { taken: &self.both.fitted, data: &self.data, judge, located: &self.located }
+    }
+
+    /// The words for what a search found.
+    fn said(
+        &self,
+        reference: &Reference,
+        mut found: Found,
+        camera: Option<&Camera>,
+        progress: Progress<'_>,
+    ) -> Result<Diagnosis> {
+        let mut diagnosis = outcome(Fitter { reference, data: &self.data }, &mut found, camera)?;
+        progress("pictures", 0.95);
+        let last = (&found.fit.model, found.fit.u.as_slice());
+        let fitted = &self.both.fitted;
+        diagnosis.traces.pictures = pictures(reference, &fitted.set, &fitted.measured.scans, last)?;
+        let Held { second_set, alone } = self.held_out;
+        diagnosis.notes.extend(of_the_sets(&fitted.setup, &self.both.aside, second_set, alone));
+        diagnosis.faults.clone_from(&self.both.faults);
+        Ok(diagnosis)
+    }
 }
 
 impl Sets<'_> {
@@ -110,113 +226,35 @@ impl Sets<'_> {
         Case {
             fitter: Fitter { reference, data: self.data },
             signatures,
-            judge: self.judge,
+            judge: &self.judge,
             located: self.located,
         }
     }
 
-    /// From the camera that is given, or from a calibrated one.
+    /// From a camera that is given, or calibrated.
     fn searched(
         &self,
-        setup: Setup,
+        start: &Camera,
         options: Options<'_>,
         progress: Progress<'_>,
     ) -> Result<(Reference, Found)> {
-        let given = options.camera.map_or_else(|| calibrated(self.set, &setup), |c| Ok(c.clone()))?;
+        let setup = self.taken.setup.clone();
         let camera = match options.camera {
             // Maps are all spread: what the base cannot hold would bend it.
             Some(_) if !setup.maps => {
                 progress("own numbers", 0.0);
-                rebased(&setup, &given, self.data, options.seed)?
+                rebased(&setup, start, self.data, options.seed)?
             }
-            _ => given.clone(),
+            _ => start.clone(),
         };
         let library = Catalogue::new();
         let effects = options.effects.unwrap_or(&library);
         let reference = Reference::with_effects(setup, camera, options.seed, effects, progress)?;
-        let signatures = with_line(&reference, self.measured)?;
+        let signatures = with_line(&reference, &self.taken.measured)?;
         let case = self.case(&reference, &signatures);
         let mut found = search(&case, progress)?;
         progress("last steps", 0.94);
-        case.end(&mut found, &given)?;
+        case.end(&mut found, start)?;
         Ok((reference, found))
     }
-}
-
-/// What every diagnosis needs.
-fn poor(setup: &Setup, with_camera: bool) -> Result<()> {
-    // Maps, or a still scene, judge a camera that is given.
-    if with_camera && (setup.maps || setup.scenes.iter().any(|s| s.still.is_some())) {
-        return Ok(());
-    }
-    let levels: Vec<f64> =
-        setup.scenes.iter().filter_map(crate::diagnose::protocol::recorded::Scene::level).collect();
-    let lit = levels.iter().filter(|l| **l > 0.0).count();
-    if levels.len() >= 3 && lit >= 2 && setup.geometry.width() >= 8 && setup.geometry.height() >= 8 {
-        return Ok(());
-    }
-    Err(Error::new(Kind::Input, "recording set")
-        .found(format_args!("{} uniform levels, {lit} of them lit, at {}", levels.len(), setup.geometry))
-        .expected("the dark and two or more lit levels, 8x8 pixels or more")
-        .remedy(
-            "record the dark, flats at 0.03, 0.1, 0.3, 0.6 and 0.9 of saturation, steps and a checkerboard",
-        ))
-}
-
-fn same_protocol(a: &Setup, b: &Setup) -> Result<()> {
-    let key = |s: &Setup| {
-        let scenes: Vec<_> = s.scenes.iter().map(|x| (format!("{:?}", x.light), x.readouts)).collect();
-        (s.geometry, s.readout_hz.to_bits(), scenes)
-    };
-    if key(a) == key(b) {
-        return Ok(());
-    }
-    Err(Error::new(Kind::Input, "held-out recordings")
-        .found("other scenes, lengths or another size")
-        .expected("the same scenes in the same order, as long as those of the first set"))
-}
-
-/// The signatures, with those of swinging light at the frequency that the frame totals show.
-fn with_line(reference: &Reference, measured: &Measured) -> Result<Vec<Signature>> {
-    let (setup, mut signatures) = (&reference.setup, reference.signatures.clone());
-    let mut best = (0.0, LINE);
-    let mut bright: Vec<&[u32]> = Vec::new();
-    for (scene, scan) in setup.scenes.iter().zip(&measured.scans) {
-        if scene.constant() && scene.brightness() >= 0.2 {
-            let found = line(&power(&scan.totals), scan.totals.len());
-            best = if found.1 > best.1 { found } else { best };
-            bright.push(&scan.totals);
-        }
-    }
-    if best.0 == 0.0 {
-        return Ok(signatures);
-    }
-    let frequency = sharpened(&bright, best.0);
-    // One at the line stands for those at the frequencies that a strength is judged by.
-    let mut kept: Vec<&Definition> = Vec::new();
-    signatures.retain(|s| {
-        let (effect, again) = (s.candidate.effect, kept.contains(&s.candidate.effect));
-        kept.push(effect);
-        line_of(effect).is_none() || !again
-    });
-    for signature in &mut signatures {
-        let Some(line) = line_of(signature.candidate.effect) else { continue };
-        let mut candidate: Candidate = signature.candidate.clone();
-        for (knob, at) in candidate.knobs.iter_mut().zip(&mut candidate.at) {
-            if knob.key == line {
-                knob.centre = frequency * setup.readout_hz;
-                // A third of the line's width: what the sharpened line leaves open.
-                let bin = 0.3 / (frequency * setup.scenes[0].readouts as f64);
-                knob.range = (knob.centre * (1.0 - bin), knob.centre * (1.0 + bin));
-                *at = 0.0;
-            }
-        }
-        *signature = reference.signature(candidate)?;
-    }
-    Ok(signatures)
-}
-
-/// The key of an effect's frequency, if it makes the light swing.
-fn line_of(effect: &Definition) -> Option<&'static str> {
-    effect.tried().find(|(_, tried)| tried.is_line).map(|(param, _)| param.key)
 }

@@ -51,6 +51,8 @@ pub use counts::NEVER;
 #[cfg(not(feature = "internals"))]
 pub(crate) use counts::NEVER;
 pub use counts::{Counts, Pair};
+#[cfg(all(feature = "files", feature = "threads"))]
+pub(crate) use errors::motion;
 #[cfg(all(feature = "files", feature = "threads", feature = "internals"))]
 #[doc(hidden)]
 pub use errors::{MEANING, Motion, Recorder};

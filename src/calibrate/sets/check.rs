@@ -219,6 +219,11 @@ fn flips(observed: &Observed) -> Result<()> {
     Ok(())
 }
 
+/// Correlation of the fixed patterns of two levels.
+pub(crate) fn alike(a: &Level, b: &Level, width: usize) -> f64 {
+    correlation(&high_pass(&a.rate, width), &high_pass(&b.rate, width))
+}
+
 /// Correlation of ranks cut at three deviations, so that hot pixels do not decide.
 fn correlation(a: &[f64], b: &[f64]) -> f64 {
     let cut = |map: &[f64]| {

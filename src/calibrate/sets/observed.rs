@@ -63,6 +63,12 @@ impl Level {
         }
     }
 
+    /// A level of rates that are known.
+    pub(crate) fn of_rates(name: &str, light: f64, readouts: u32, spikes: Vec<u32>, rate: Vec<f64>) -> Self {
+        let nowhere = vec![0; spikes.len()];
+        Self { rate, ..Self::from_counts(name, light, readouts, spikes, &nowhere, &nowhere) }
+    }
+
     /// Median rate of the pixels.
     #[must_use]
     pub fn median_rate(&self) -> f64 {

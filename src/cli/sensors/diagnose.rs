@@ -5,10 +5,11 @@ use std::path::PathBuf;
 
 use crate::calibrate::RecordingSet;
 use crate::diagnose::{
-    DiagnoseOptions, Diagnosis, Extent, Part, Reference, Setup, Verdict, diagnose, page, published,
+    DiagnoseOptions, Diagnosis, Extent, Fault, Nameable, Strengths, Verdict, diagnose, page, strengths,
 };
 use crate::error::{Error, Kind, Result};
 use crate::presets;
+use crate::report::today;
 use crate::simulate::save_camera;
 use crate::storage::{refuse_existing, write_small};
 use clap::Args as ClapArgs;
@@ -62,31 +63,54 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let extent = if args.everything { Extent::Everything } else { Extent::Enough };
     let mut bar = Files::new(out);
     let mut progress = |what: &str, share: f64| bar.step(what, share);
-    if args.nameable {
-        let part = if holdout.is_some() { Part::Whole } else { Part::First };
-        let setup = Setup::of(&set, part, extent)?;
-        let camera = camera.map_or_else(|| published(&setup), Ok)?;
-        let reference = Reference::new(setup, camera, args.seed, &mut progress)?;
-        drop(bar);
-        let (mut text, mut rows) = (String::new(), Vec::new());
-        for n in reference.nameable() {
-            let _ = writeln!(
-                text,
-                "{:<24} {} {:.3e}   most like {} ({:+.2})",
-                n.name, n.key, n.strength, n.nearest, n.alike
-            );
-            rows.push(json!({"name": n.name, "parameter": n.key, "strength": n.strength,
-                "nearest": n.nearest, "cosine": n.alike}));
-        }
-        return out.result(&json!({"event": "done", "nameable": rows}), &text);
-    }
     let options =
         DiagnoseOptions { camera: camera.as_ref(), seed: args.seed, extent, ..DiagnoseOptions::default() };
-    let found = diagnose(&set, holdout.as_ref(), options, &mut progress)?;
+    if args.nameable {
+        let found = strengths(&set, options, &mut progress)?;
+        drop(bar);
+        return out.result(&as_json(&found), &as_text(&found));
+    }
+    let mut found = diagnose(&set, holdout.as_ref(), options, &mut progress)?;
     drop(bar);
+    if let Some(about) = &mut found.about {
+        about.set = Some(args.recordings.display().to_string());
+        about.command = Some(typed());
+        about.date = Some(today());
+    }
     let mut result = write(&found, args)?;
     result["event"] = json!("done");
     out.result(&result, &told(&found, args))
+}
+
+/// What was typed, without the folder of the program.
+fn typed() -> String {
+    let words = std::env::args().skip(1);
+    std::iter::once("spikelane".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
+}
+
+fn as_json(found: &Strengths) -> Value {
+    let row = |n: &Nameable| json!({"name": n.name, "parameter": n.key, "strength": n.strength, "nearest": n.nearest, "cosine": n.alike});
+    let rows: Vec<Value> = found.nameable.iter().map(row).collect();
+    let faults: Vec<String> = found.faults.iter().map(Fault::sentence).collect();
+    json!({"event": "done", "nameable": rows, "not_testable": found.not_testable, "faults": faults, "notes": found.notes})
+}
+
+fn as_text(found: &Strengths) -> String {
+    let mut text = String::new();
+    found.faults.iter().for_each(|f| text += &format!("fault: {}\n", f.sentence()));
+    for n in &found.nameable {
+        let _ = writeln!(
+            text,
+            "{:<24} {} {:.3e}   most like {} ({:+.2})",
+            n.name, n.key, n.strength, n.nearest, n.alike
+        );
+    }
+    if !found.not_testable.is_empty() {
+        let _ = writeln!(text, "not shown by this set, however strong: {}", found.not_testable.join(", "));
+    }
+    text += "With a second set as --holdout; without one every recording is cut in two, and strengths are 1.4 times these.\n";
+    found.notes.iter().for_each(|n| text += &format!("{n}\n"));
+    text
 }
 
 /// Writes the files; returns the diagnosis as JSON.
@@ -107,6 +131,9 @@ fn told(found: &Diagnosis, args: &Args) -> String {
         Verdict::Unknown => "unknown",
     };
     let mut text = format!("{verdict} ({:.1} s)\n", found.seconds);
+    for fault in &found.faults {
+        let _ = writeln!(text, "fault: {}", fault.sentence());
+    }
     for effect in &found.effects {
         let ties = if effect.tied_with.is_empty() {
             String::new()
@@ -127,6 +154,9 @@ fn told(found: &Diagnosis, args: &Args) -> String {
     }
     for u in &found.unknown {
         let _ = writeln!(text, "left: {} ({:+.1} standard deviations)", u.r#where, u.z);
+    }
+    for note in &found.notes {
+        let _ = writeln!(text, "note: {note}");
     }
     let _ = writeln!(text, "{}", args.output.join("report.html").display());
     text

@@ -3,6 +3,8 @@
 use serde::Serialize;
 
 use super::pictures::Picture;
+use crate::diagnose::given::about::About;
+use crate::diagnose::lab::fault::Fault;
 use crate::diagnose::search::round::Fate;
 use crate::effects::Camera;
 
@@ -109,6 +111,9 @@ impl Gap {
 pub struct Diagnosis {
     /// In one word.
     pub verdict: Verdict,
+    /// What is wrong in the laboratory: lamps, scenes, files. It was looked for first, and no effect stands for it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<Fault>,
     /// Effects that were added.
     pub effects: Vec<FoundEffect>,
     /// Numbers that were wrong.
@@ -125,6 +130,9 @@ pub struct Diagnosis {
     pub seconds: f64,
     /// Where the held-out data come from, and other remarks.
     pub notes: Vec<String>,
+    /// The sets, the camera and the numbers that it began with; nothing of sets that share a reference.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub about: Option<About>,
     /// The camera with the effects added.
     #[serde(skip)]
     pub camera: Camera,
@@ -133,8 +141,31 @@ pub struct Diagnosis {
     pub traces: Traces,
 }
 
+impl Diagnosis {
+    /// Of sets that are at fault in so much that nothing can be said of the camera.
+    pub(in crate::diagnose) fn stopped(faults: Vec<Fault>, camera: Camera) -> Self {
+        Self {
+            verdict: Verdict::Unknown,
+            faults,
+            effects: Vec::new(),
+            misfits: Vec::new(),
+            unknown: Vec::new(),
+            gap: Gap { train: Vec::new(), heldout: Vec::new(), floor: 0.0, floor_sd: 0.0 },
+            settle: Vec::new(),
+            not_testable: Vec::new(),
+            seconds: 0.0,
+            notes: vec![
+                "Too few recordings are left to judge the camera: nothing was searched for.".to_owned(),
+            ],
+            about: None,
+            camera,
+            traces: Traces::default(),
+        }
+    }
+}
+
 /// What the report shows.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Traces {
     /// Statistic, recording, deviation before and after, in standard deviations.
     pub deviations: Vec<(String, String, f64, f64)>,

@@ -1,5 +1,7 @@
 //! What is said of a set, and the page that shows it.
 
+mod about_page;
+pub(super) mod caution;
 pub(super) mod diagnosis;
 pub(super) mod next_recording;
 pub(super) mod notes;

@@ -2,12 +2,11 @@
 
 use super::diagnosis::{Gap, Misfit};
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::effects::Camera;
 
-/// How the diagnosis came about: how much of the recordings was judged, by what, and from which model.
+/// How the diagnosis came about: how much of the recordings was judged, and by what. `aside` are readouts at the start of recordings.
 pub(in crate::diagnose) fn of_the_sets(
     setup: &Setup,
-    camera: Option<&Camera>,
+    aside: &[(String, usize)],
     held_out: bool,
     alone: bool,
 ) -> Vec<String> {
@@ -31,8 +30,12 @@ pub(in crate::diagnose) fn of_the_sets(
             "No second set was given: the first half of every recording was fitted and the second half judged it, so effects must be stronger to be seen. A second set of the same scenes doubles what can be told.".to_owned(),
         );
     }
-    if camera.is_none() {
-        notes.push("No camera file was given: gain, dark current, their spreads, the threshold's spread and noise and the electrons of a spike were calibrated.".to_owned());
+    if let Some(longest) = aside.iter().map(|a| a.1).max() {
+        let shortest = aside.iter().map(|a| a.1).min().unwrap_or(longest);
+        notes.push(format!(
+            "Pixels began together, as they do in simulations and after a common reset: the first {shortest} to {longest} readouts of {} recordings, until they had drifted apart, were set aside. What happens only there cannot be seen.",
+            aside.len()
+        ));
     }
     notes
 }

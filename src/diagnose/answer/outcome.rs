@@ -115,6 +115,8 @@ pub(in crate::diagnose) fn outcome(
     camera.source = "found by diagnose; see diagnosis.json and report.html".to_owned();
     Ok(Diagnosis {
         verdict,
+        faults: Vec::new(),
+        about: None,
         effects,
         misfits,
         unknown: match verdict {

@@ -1,5 +1,6 @@
 //! The report: one page.
 
+use super::about_page::{glossary, judged, made};
 use super::diagnosis::{Diagnosis, Verdict};
 use super::pictures_page::seen;
 use crate::diagnose::search::round::Fate;
@@ -12,27 +13,50 @@ use crate::report::{Part, Row, Table, page as render, ranked};
 /// When a plot cannot be made.
 pub fn page(diagnosis: &Diagnosis) -> Result<String> {
     let mut parts = vec![Part::text(sentence(diagnosis))];
+    parts.extend(faults(diagnosis));
     parts.extend(named(diagnosis));
     if !diagnosis.settle.is_empty() {
         parts.push(Part::heading("Which recording would settle a tie"));
         parts.push(Part::List { items: diagnosis.settle.clone() });
     }
-    parts.push(Part::heading("Where model and recordings disagree"));
-    parts.extend(disagreements(diagnosis)?);
-    parts.push(Part::heading("The gap, after each step"));
-    parts.extend(gap(diagnosis)?);
-    parts.extend(tournament(diagnosis)?);
-    parts.extend(seen(&diagnosis.traces.pictures)?);
-    parts.push(Part::heading("What this set could not have seen"));
-    let unseen = &diagnosis.not_testable;
-    let text = if unseen.is_empty() {
-        "Every effect of the catalogue would show.".to_owned()
-    } else {
-        unseen.join(", ")
-    };
-    parts.push(Part::text(text));
-    parts.push(Part::List { items: diagnosis.notes.clone() });
+    parts.extend(diagnosis.about.iter().flat_map(judged));
+    if !diagnosis.notes.is_empty() {
+        parts.push(Part::heading("What a reader must know"));
+        parts.push(Part::List { items: diagnosis.notes.clone() });
+    }
+    // Where nothing was searched for there is nothing to plot.
+    if !diagnosis.gap.heldout.is_empty() {
+        parts.push(Part::heading("Where model and recordings disagree"));
+        parts.extend(disagreements(diagnosis)?);
+        parts.push(Part::heading("The gap, after each step"));
+        parts.extend(gap(diagnosis)?);
+        parts.extend(tournament(diagnosis)?);
+        parts.extend(seen(&diagnosis.traces.pictures)?);
+        parts.push(Part::heading("What this set could not have seen"));
+        parts.push(Part::text(unseen(diagnosis)));
+        parts.push(Part::heading("Words"));
+        parts.push(Part::Table(glossary(diagnosis)));
+    }
+    parts.extend(diagnosis.about.iter().flat_map(made));
     render("Diagnosis", &parts)
+}
+
+/// What is wrong in the laboratory stands above everything.
+fn faults(d: &Diagnosis) -> Vec<Part> {
+    if d.faults.is_empty() {
+        return Vec::new();
+    }
+    let items = d.faults.iter().map(crate::diagnose::Fault::sentence).collect();
+    vec![Part::heading("Faults of the recordings, not of the camera"), Part::List { items }]
+}
+
+/// What the set cannot show, in words that fit what it is.
+pub(in crate::diagnose) fn unseen(d: &Diagnosis) -> String {
+    if d.not_testable.is_empty() {
+        "Each effect of the catalogue would show if it were as strong as its range allows; how strong it must be to be named, --nameable says for this set.".to_owned()
+    } else {
+        format!("{}: however strong, these recordings do not show them.", d.not_testable.join(", "))
+    }
 }
 
 fn sentence(d: &Diagnosis) -> String {
@@ -54,24 +78,36 @@ fn sentence(d: &Diagnosis) -> String {
         .collect();
     let names = effects.join(", ");
     match d.verdict {
+        _ if d.gap.heldout.is_empty() => {
+            "These recordings are at fault in so much that nothing can be said of the camera.".to_owned()
+        }
+        Verdict::Agrees if d.faults.iter().any(|f| f.set_aside) => {
+            "What is not at fault agrees with the model: nothing is above its limit.".to_owned()
+        }
         Verdict::Agrees => "The recordings agree with the model: nothing is above its limit.".to_owned(),
         Verdict::Explained => {
             format!("The recordings are explained by adding {names}; nothing is left above its limit.")
         }
         Verdict::PartlyExplained => {
-            format!("Adding {names} explains a part; something that is not in the catalogue is left.")
+            let left = if d.unknown.is_empty() {
+                "whether that is all these recordings do not show"
+            } else {
+                "something is left"
+            };
+            format!("Adding {names} explains a part; {left}.")
         }
         Verdict::Unknown if names.is_empty() => {
             "Something is there that no effect of the catalogue explains.".to_owned()
         }
         Verdict::Unknown => format!(
-            "Something is there that no effect of the catalogue explains; it looks a little like {names}."
+            "Something is there that no effect of the catalogue is shown to explain; it looks a little like {}.",
+            names.replace("something like ", "")
         ),
     }
 }
 
 /// `value` to a tenth or less of how uncertain it is: two digits of half its interval.
-fn rounded(value: f64, low: f64, high: f64) -> String {
+pub(super) fn rounded(value: f64, low: f64, high: f64) -> String {
     let half = (high - low) / 2.0;
     let decimals = if half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 7.0) as usize } else { 5 };
     format!("{value:.decimals$}")
@@ -175,8 +211,8 @@ fn disagreements(d: &Diagnosis) -> Result<Vec<Part>> {
 fn tournament(d: &Diagnosis) -> Result<Vec<Part>> {
     let mut parts = Vec::new();
     let rounds = d.traces.tournament.iter().zip(&d.traces.steps);
-    // A name that came in the place of another one won no tournament; its evidence says so.
-    for (round, (winner, fate)) in rounds.filter(|(round, _)| !round.is_empty()) {
+    // A name that came in the place of another one won no tournament, its evidence says so; and one alone had no rival.
+    for (round, (winner, fate)) in rounds.filter(|(round, _)| round.len() > 1) {
         let (what, caption) = match fate {
             Fate::Kept => (
                 "",

@@ -16,7 +16,6 @@ use crate::diagnose::null::limits::{Limits, centre, gamma_limit};
 use crate::diagnose::null::metric::Metric;
 use crate::diagnose::null::reference::Reference;
 use crate::diagnose::null::signature::Signature;
-use crate::diagnose::sensors::model::LAMP;
 use crate::diagnose::sensors::simulate;
 use crate::draws::pattern::Pattern;
 use crate::draws::{Seeds, Stream};
@@ -123,7 +122,7 @@ impl Fitter<'_> {
                 Pattern::new(Seeds { camera: seed, shot: 0, sequence: 0 }, Stream::named("own")).normals();
             let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
             let wanted = &root * draw(n);
-            let off = draw(lamps) * LAMP;
+            let off = draw(lamps) * reference.model.lamp;
             let place = |j: usize| {
                 let (knob, most) = (fit.model.knobs[j], trust(fit.model.knobs[j].scale, fit.u[j]));
                 knob.clamped(fit.u[j] + wanted[j].clamp(-most, most))

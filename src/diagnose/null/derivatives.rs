@@ -5,10 +5,11 @@ use rayon::prelude::*;
 
 use super::denoised::quiet;
 use super::mean::average;
+use crate::diagnose::protocol::recorded_set::LAMP;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::base::number_of;
 use crate::diagnose::sensors::knob::Knob;
-use crate::diagnose::sensors::model::{LAMP, Model};
+use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::all::vector;
 use crate::error::Result;
@@ -65,6 +66,7 @@ pub(in crate::diagnose) fn lamp_columns(
     if model.lamps.is_empty() {
         return Ok(DMatrix::zeros(entries, 0));
     }
+    // Small, whatever the lamp's deviation is: the lattices of bright intervals turn back soon.
     let step = 3.0;
     let change = |i: usize| -> Result<Vec<DVector<f64>>> {
         let mut scans = simulate::scans(setup, &still, seed + i as u64)?;
@@ -84,5 +86,5 @@ pub(in crate::diagnose) fn lamp_columns(
     };
     let all = (0..pairs(setup)).into_par_iter().map(change).collect::<Result<Vec<_>>>()?;
     let column = |k: usize| average(&all.iter().map(|c| c[k].clone()).collect::<Vec<_>>());
-    Ok(DMatrix::from_columns(&(0..model.lamps.len()).map(column).collect::<Vec<_>>()))
+    Ok(DMatrix::from_columns(&(0..model.lamps.len()).map(column).collect::<Vec<_>>()) * (model.lamp / LAMP))
 }

@@ -157,6 +157,28 @@ impl Reference {
         Ok(weak.candidate.at[0] * high)
     }
 
+    /// The value of an effect's amplitude at which it is absent.
+    pub(in crate::diagnose) fn neutral_of(&self, name: &str) -> Option<f64> {
+        let own = self.signatures.iter().find(|s| s.candidate.effect.name == name)?;
+        Some(own.candidate.knobs[0].value(0.0))
+    }
+
+    /// How alike two effects show at best, as the size of a cosine.
+    pub(in crate::diagnose) fn cosine_of(&self, name: &str, other: &str) -> f64 {
+        let of = |name: &str| -> Vec<&Signature> {
+            self.signatures.iter().filter(|s| s.candidate.effect.name == name).collect()
+        };
+        let cosine = |a: &Signature, b: &Signature| {
+            let squares = [self.square(a), self.square(b)];
+            if squares.iter().any(|s| *s < 25.0) {
+                return 0.0;
+            }
+            (self.product(a, b) / (squares[0] * squares[1]).sqrt()).abs()
+        };
+        let (own, other) = (of(name), of(other));
+        own.iter().flat_map(|a| other.iter().map(|b| cosine(a, b))).fold(0.0, f64::max)
+    }
+
     fn square(&self, s: &Signature) -> f64 {
         self.metric.dual(&s.each[0]).dot(&s.each[1])
     }

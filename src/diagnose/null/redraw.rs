@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::metric::Metric;
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::diagnose::sensors::model::{LAMP, Model};
+use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
 use crate::draws::pattern::Pattern;
 use crate::draws::{Seeds, Stream};
@@ -35,7 +35,7 @@ pub(in crate::diagnose) fn redraw(
             Pattern::new(Seeds { camera: own, shot: 0, sequence: 0 }, Stream::named("diagnose")).normals();
         let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
         let base = &root * draw(n);
-        let lamps = draw(model.lamps.len()) * LAMP;
+        let lamps = draw(model.lamps.len()) * model.lamp;
         let sample = model.sample(base.as_slice(), lamps.as_slice(), setup.scenes.len())?;
         let vector = DVector::from_vec(simulate::values(setup, &sample, own)?);
         Ok(Redrawn { base, lamps, vector })

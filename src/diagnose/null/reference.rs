@@ -13,7 +13,7 @@ use super::redraw::{Redrawn, redraw};
 use super::signature::Signature;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::catalogue::{Candidate, candidates, looked_for};
-use crate::diagnose::sensors::model::{LAMP, Model};
+use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::remembered::Remembered;
 use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::entry::Statistic;
@@ -99,7 +99,7 @@ impl Reference {
         let rough = Metric::new(&noise(&first, &floors)?.with_columns(&lamps)?, jacobian.clone());
         let redrawn = redraw(&setup, &model, seed, &rough)?;
         progress("null", 0.8);
-        let residual = |d: &Redrawn| &d.vector - &mean - &jacobian * &d.base - &lamps * &d.lamps / LAMP;
+        let residual = |d: &Redrawn| &d.vector - &mean - &jacobian * &d.base - &lamps * &d.lamps / model.lamp;
         let mut residuals: Vec<DVector<f64>> = redrawn.iter().map(residual).collect();
         residuals.extend(first);
         let full = noise(&residuals, &floors)?.with_columns(&lamps)?;

@@ -43,17 +43,42 @@ pub enum Part {
     Second,
 }
 
-pub(in crate::diagnose) fn cut(readouts: usize, light: Light, part: Part) -> (usize, usize) {
+/// First readout and readouts of a part of a recording of which the first `aside` are not looked at. Both halves have as many.
+pub(in crate::diagnose) fn cut(readouts: usize, light: Light, part: Part, aside: usize) -> (usize, usize) {
+    let aside = aside.min(readouts);
     let middle = match light {
         Light::Scene(Pattern::Square { half_period, .. }) => {
             let period = 2 * half_period as usize;
             readouts / 2 / period * period
         }
-        _ => readouts / 2,
+        _ => aside + (readouts - aside) / 2,
     };
+    let half = middle.saturating_sub(aside);
     match part {
-        Part::Whole => (0, readouts),
-        Part::First => (0, middle),
-        Part::Second => (middle, readouts - middle),
+        Part::Whole => (aside, readouts - aside),
+        Part::First => (aside, half),
+        Part::Second => (middle, half),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_are_alike_in_length_behind_what_is_set_aside() {
+        let square = Light::Scene(Pattern::Square { high: 0.8, low: 0.1, half_period: 500 });
+        for (light, readouts, aside) in [
+            (Light::Level(0.1), 4001, 0),
+            (Light::Level(0.1), 4001, 210),
+            (square, 5000, 0),
+            (square, 4000, 40),
+        ] {
+            let [first, second] = [Part::First, Part::Second].map(|part| cut(readouts, light, part, aside));
+            assert_eq!((first.0, first.1), (aside, second.1), "{light:?} {readouts}");
+            assert!(first.0 + first.1 == second.0 && second.0 + second.1 <= readouts, "{light:?} {readouts}");
+            assert_eq!(cut(readouts, light, Part::Whole, aside), (aside, readouts - aside));
+        }
+        assert_eq!(cut(4000, square, Part::Second, 0), (2000, 2000));
     }
 }

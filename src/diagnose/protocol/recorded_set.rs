@@ -13,6 +13,23 @@ const FEWEST: usize = 256;
 /// Most pixels of a still scene that are simulated: some 20,000 tell temporal noise to a per cent.
 pub const LARGEST: usize = 20_000;
 
+/// Relative standard deviation of a level of light of which nothing else is stated or found.
+pub(in crate::diagnose) const LAMP: f64 = 1e-3;
+
+fn too_short(file: &str, readouts: usize, part: Part) -> Error {
+    let (expected, remedy) = match part {
+        Part::Whole => ("", "record longer"),
+        _ => (
+            " in each half of a recording",
+            "record longer, or give a second set with --holdout so that this one is not split",
+        ),
+    };
+    Error::new(Kind::Input, file)
+        .found(format_args!("{readouts} readouts"))
+        .expected(format_args!("{FEWEST} or more{expected}"))
+        .remedy(remedy)
+}
+
 /// All recordings of a set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
@@ -28,6 +45,8 @@ pub struct Setup {
     pub band: Option<(usize, usize)>,
     /// Fewest and most readouts that are judged of the recordings that have more.
     pub first_readouts: Option<[usize; 2]>,
+    /// Relative standard deviation of a level of light.
+    pub lamp: f64,
 }
 
 impl Setup {
@@ -36,9 +55,23 @@ impl Setup {
     /// # Errors
     /// When a file cannot be read, or a recording is too short to judge.
     pub fn of(set: &RecordingSet, part: Part, extent: Extent) -> Result<Self> {
+        Self::behind(set, part, extent, &[])
+    }
+
+    /// The same without the first readouts of each recording, as many as `aside` says; none of those that it does not reach.
+    ///
+    /// # Errors
+    /// As [`Setup::of`].
+    pub(in crate::diagnose) fn behind(
+        set: &RecordingSet,
+        part: Part,
+        extent: Extent,
+        aside: &[usize],
+    ) -> Result<Self> {
         let geometry = set.geometry()?;
         let (mut scenes, mut first_readouts) = (Vec::new(), None::<[usize; 2]>);
-        for recording in &set.recordings {
+        for (k, recording) in set.recordings.iter().enumerate() {
+            let aside = aside.get(k).copied().unwrap_or(0);
             let reader = set.reader(recording)?;
             let most = extent.most(geometry, recording.light);
             // Both parts of a recording that is cut in the middle have as many.
@@ -47,14 +80,9 @@ impl Setup {
                 let [fewest, longest] = first_readouts.unwrap_or([all; 2]);
                 first_readouts = Some([fewest.min(all), longest.max(all)]);
             }
-            let (skip, readouts) = cut(reader.readouts().min(all), recording.light, part);
+            let (skip, readouts) = cut(reader.readouts().min(all), recording.light, part, aside);
             if readouts < FEWEST {
-                return Err(Error::new(Kind::Input, &recording.file)
-                    .found(format_args!("{readouts} readouts"))
-                    .expected(format_args!("{FEWEST} or more in each part of a recording"))
-                    .remedy(
-                        "record longer, or give a second set with --holdout so that this one is not split",
-                    ));
+                return Err(too_short(&recording.file, readouts, part));
             }
             let still = match recording.light {
                 Light::Scene(Pattern::StaticUnknown {}) => Some(Still::of(&reader)?),
@@ -64,8 +92,19 @@ impl Setup {
             scenes.push(Scene { name, light: recording.light, readouts, skip, still });
         }
         let maps = scenes.is_empty() && set.rate_maps.len() >= 2;
-        let setup = Self { geometry, readout_hz: set.readout_hz, scenes, maps, band: None, first_readouts };
+        let readout_hz = set.readout_hz;
+        let setup = Self { geometry, readout_hz, scenes, maps, band: None, first_readouts, lamp: LAMP };
         setup.cut_to_band()
+    }
+
+    /// Without some of its recordings.
+    pub(in crate::diagnose) fn without(mut self, dropped: &[usize]) -> Self {
+        let mut k = 0;
+        self.scenes.retain(|_| {
+            k += 1;
+            !dropped.contains(&(k - 1))
+        });
+        self
     }
 
     /// Whether still scenes are all that there is.

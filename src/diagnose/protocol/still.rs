@@ -26,6 +26,8 @@ pub struct Still {
     pub(in crate::diagnose) mean: f64,
     /// Highest rate.
     pub(in crate::diagnose) brightest: f64,
+    /// Share of the pixels that changed in patches, where the scene moved.
+    pub(in crate::diagnose) moved: Option<f64>,
 }
 
 impl Still {
@@ -54,7 +56,9 @@ impl Still {
         let mean = even.iter().map(|p| rates[*p]).sum::<f64>() / even.len() as f64;
         let brightest = rates.iter().copied().fold(0.0, f64::max);
         let surface = crate::measure::box_means(&rates, geometry.width(), SURFACE);
-        Ok(Self { rates, surface, even, mean, brightest })
+        let found = scan.motion(reader.readouts());
+        let moved = found.moves.then_some(found.share);
+        Ok(Self { rates, surface, even, mean, brightest, moved })
     }
 
     /// Even pixels within a range of pixels.

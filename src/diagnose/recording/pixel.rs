@@ -10,6 +10,8 @@ pub(in crate::diagnose) const LAGS: [usize; 3] = [1, 4, 16];
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::diagnose) struct PixelScan {
     pub count: u32,
+    /// Readout of the first spike; zero without one.
+    pub first: u32,
     /// Spikes per readout: by time from three spikes on, by count below.
     pub rate: f64,
     pub blocks: [u32; BLOCKS],

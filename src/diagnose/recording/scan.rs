@@ -13,6 +13,7 @@ use super::pixel::PixelScan;
 use super::stretches::SETTLED;
 use super::stretches::{Stretch, stretches};
 use crate::kernels::{Bits, ROOM, SLACK, Shorts, Work, counting_with};
+use crate::measure::{Motion, motion};
 use crate::spikes::{Geometry, Packed};
 
 /// What a scene makes worth looking at.
@@ -45,6 +46,22 @@ pub(in crate::diagnose) struct Scan {
     pub stretches: Vec<Stretch>,
     /// Relative difference of pixels side by side; of still scenes only.
     pub contrast: f64,
+}
+
+impl Scan {
+    /// Whether the scene moved between the halves of its readouts.
+    pub(in crate::diagnose) fn motion(&self, readouts: usize) -> Motion {
+        let half = BLOCKS / 2 * readouts / BLOCKS;
+        let rate =
+            |blocks: &[u32], readouts: usize| f64::from(blocks.iter().sum::<u32>()) / readouts.max(1) as f64;
+        let of = |late: bool| -> Vec<f64> {
+            let parts = self.pixels.iter().map(|p| p.blocks.split_at(BLOCKS / 2));
+            parts.map(|(a, b)| if late { rate(b, readouts - half) } else { rate(a, half) }).collect()
+        };
+        // Counts of two halves differ by u0 - 2 u1 + u2 with phases of 1/12 each.
+        let sd = 0.5_f64.sqrt() / half.max(1) as f64;
+        motion(&[of(false), of(true)], self.geometry.width(), sd)
+    }
 }
 
 /// Scans packed frames for what `look` asks.
@@ -135,6 +152,7 @@ fn counts(words: &[u64], readouts: usize, ends: &[usize; BLOCKS], dark: &[(usize
     let last = words.iter().rposition(|w| *w != 0).unwrap_or(first);
     let start = first * 64 + words[first].trailing_zeros() as usize;
     let end = last * 64 + 63 - words[last].leading_zeros() as usize;
+    scan.first = start as u32;
     scan.rate = if scan.count < 3 {
         f64::from(scan.count) / readouts as f64
     } else {

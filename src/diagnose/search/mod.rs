@@ -11,3 +11,4 @@ pub(super) mod round;
 pub(super) mod search;
 pub(super) mod tournament;
 pub(super) mod weed;
+pub(super) mod with_line;

@@ -14,14 +14,13 @@ use crate::error::Result;
 pub(in crate::diagnose) struct Model {
     pub camera: Camera,
     pub knobs: Vec<Knob>,
-    /// Scenes whose light is known to a thousandth only.
+    /// Scenes whose light is known to [`Model::lamp`] only.
     pub lamps: Vec<usize>,
+    /// Relative standard deviation of a lamp.
+    pub lamp: f64,
     /// Lost and repeated readouts that are not left to chance.
     pub pinned: Pinned,
 }
-
-/// Relative uncertainty of a level.
-pub(in crate::diagnose) const LAMP: f64 = 1e-3;
 
 impl Model {
     /// The base model of a camera: what calibration fits, and nothing else.
@@ -38,6 +37,7 @@ impl Model {
         Self {
             knobs: BASE.iter().filter(shown).filter_map(knob).collect(),
             lamps: (0..setup.scenes.len()).filter(lit).collect(),
+            lamp: setup.lamp,
             camera,
             pinned: Pinned::default(),
         }

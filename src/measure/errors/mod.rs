@@ -20,6 +20,7 @@ use crate::measure::{Estimate, Named, Pair, list, summarise};
 use clusters::{NORMAL, clustered, widened};
 pub use json::Said;
 pub use motion::Motion;
+pub(crate) use motion::motion;
 pub use parts::{Recorder, Recording};
 use pattern::{KEYS, Pattern, SPREADS, patterns};
 pub(in crate::measure) use totals::variance_error;

@@ -34,7 +34,7 @@ pub struct Motion {
 /// differences of neighbours tell too, and they see little of what moves. Changed are pixels beyond five such deviations,
 /// and a scene moves where eight or more that changed one way lie side by side (a pixel that blinks is alone), in a thousandth
 /// of the sensor; or where the changes of neighbours go together in both directions and are twice what phases make.
-pub(super) fn motion(rates: &[Vec<f64>], width: usize, sd: f64) -> Motion {
+pub(crate) fn motion(rates: &[Vec<f64>], width: usize, sd: f64) -> Motion {
     let [first, second] = rates else {
         return Motion { moves: false, share: 0.0 };
     };

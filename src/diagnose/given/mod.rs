@@ -1,0 +1,6 @@
+//! What is given to a diagnosis, before anything is judged: recordings without what is no part of the camera, and the model.
+
+pub(super) mod about;
+pub(super) mod base_model;
+pub(super) mod phases;
+pub(super) mod taken;
