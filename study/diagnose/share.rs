@@ -38,7 +38,7 @@ impl Share {
     }
 
     /// Its lower end: what misses leave at most.
-    fn lower(self) -> f64 {
+    pub(crate) fn lower(self) -> f64 {
         1.0 - Self { hits: self.of - self.hits, of: self.of }.upper()
     }
 }

@@ -1,0 +1,119 @@
+//! What differs from laboratory to laboratory, drawn for each sensor: every factor in all sensors, none in a cell of its own.
+
+use super::hidden_sensor::{Physics, Scene};
+use super::jobs::uniform;
+
+/// What was drawn, by name.
+#[derive(Clone, Debug)]
+pub(crate) struct Factors {
+    pub camera: &'static str,
+    pub base_off: f64,
+    pub lamps: f64,
+    pub protocol: &'static str,
+    pub second_set: bool,
+    pub camera_file: bool,
+    seed: u64,
+}
+
+/// Readouts of a recording.
+const READOUTS: usize = 4000;
+
+const CAMERAS: [&str; 4] = ["published", "40 kHz", "few electrons", "every dark current positive"];
+const BASE_OFF: [f64; 4] = [0.0, 0.01, 0.03, 0.1];
+const LAMPS: [f64; 3] = [0.001, 0.003, 0.01];
+const PROTOCOLS: [&str; 5] = ["eight", "four levels", "flats only", "twelve", "mixed lengths"];
+
+fn pick<T: Copy>(of: &[T], u: f64) -> T {
+    of[((u * of.len() as f64) as usize).min(of.len() - 1)]
+}
+
+impl Factors {
+    pub(crate) fn drawn(seed: u64) -> Self {
+        let u = |place: u64| uniform(seed, 500 + place);
+        Self {
+            camera: pick(&CAMERAS, u(0)),
+            base_off: pick(&BASE_OFF, u(1)),
+            lamps: pick(&LAMPS, u(2)),
+            protocol: pick(&PROTOCOLS, u(3)),
+            second_set: u(4) < 0.5,
+            camera_file: u(5) < 0.5,
+            seed,
+        }
+    }
+
+    /// Levels by which a table is cut.
+    pub(crate) fn levels(&self) -> [(&'static str, String); 6] {
+        [
+            ("camera", self.camera.to_owned()),
+            ("base numbers off by", format!("{} %", 100.0 * self.base_off)),
+            ("lamps off by", format!("{} %", 100.0 * self.lamps)),
+            ("protocol", self.protocol.to_owned()),
+            ("second set", self.second_set.to_string()),
+            ("camera file", self.camera_file.to_string()),
+        ]
+    }
+
+    pub(crate) fn readout_hz(&self) -> f64 {
+        if self.camera == "40 kHz" { 40_000.0 } else { 20_000.0 }
+    }
+
+    /// The numbers of a clean sensor. Each base number is off by up to so much, in either direction.
+    pub(crate) fn physics(&self) -> Physics {
+        let off = |place: u64| 1.0 + self.base_off * (2.0 * uniform(self.seed, 600 + place) - 1.0);
+        let plain = Physics::default();
+        let mut p = Physics {
+            electrons: plain.electrons * off(0),
+            threshold_spread: plain.threshold_spread * off(1),
+            gain_spread: plain.gain_spread * off(2),
+            dark_mean: plain.dark_mean * off(3),
+            dark_spread: plain.dark_spread * off(4),
+            threshold_noise: plain.threshold_noise * off(5),
+            ..plain
+        };
+        match self.camera {
+            // Half the time between readouts gathers half the charge.
+            "40 kHz" => (p.dark_mean, p.dark_spread) = (0.5 * p.dark_mean, 0.5 * p.dark_spread),
+            // A full well of a tenth, with as large a dark rate.
+            "few electrons" => {
+                p.electrons *= 0.1;
+                (p.dark_mean, p.dark_spread) = (0.1 * p.dark_mean, 0.1 * p.dark_spread);
+            }
+            "every dark current positive" => p.dark_spread = 0.25 * p.dark_mean,
+            _ => {}
+        }
+        p
+    }
+
+    /// Recordings with their lengths.
+    pub(crate) fn scenes(&self) -> Vec<(String, Scene, usize)> {
+        let flat = |light: f64| (format!("flat_{:04.0}", 1e4 * light), Scene::Flat(light), READOUTS);
+        let steps = ("steps".to_owned(), Scene::Square { high: 0.8, low: 0.03, half_period: 500 }, READOUTS);
+        let board = ("checker".to_owned(), Scene::Checkerboard { high: 0.8, low: 0.03, cell: 8 }, READOUTS);
+        let flats = |lights: &[f64]| lights.iter().map(|l| flat(*l)).collect::<Vec<_>>();
+        let usual = [0.0, 0.03, 0.1, 0.3, 0.6, 0.9];
+        match self.protocol {
+            "four levels" => flats(&[0.0, 0.1, 0.3, 0.7]),
+            "flats only" => flats(&usual),
+            "twelve" => {
+                let lights = [0.0, 0.03, 0.06, 0.1, 0.2, 0.3, 0.45, 0.6, 0.75, 0.9];
+                [flats(&lights), vec![steps, board]].concat()
+            }
+            "mixed lengths" => {
+                let mut all = [flats(&usual), vec![steps, board]].concat();
+                all[0].2 = 2 * READOUTS;
+                all[4].2 = READOUTS / 2;
+                all
+            }
+            _ => [flats(&usual), vec![steps, board]].concat(),
+        }
+    }
+
+    /// A lamp's error of one recording; the hidden sensor adds a thousandth of its own.
+    pub(crate) fn lamp(&self, recording: usize, take: u64) -> f64 {
+        let place = 700 + 50 * take + 2 * recording as u64;
+        let (u, v) = (uniform(self.seed, place).max(1e-12), uniform(self.seed, place + 1));
+        let normal = (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos();
+        let beyond = (self.lamps * self.lamps - 1e-6).max(0.0).sqrt();
+        1.0 + beyond * normal
+    }
+}
