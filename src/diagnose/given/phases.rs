@@ -23,6 +23,9 @@ const APART: f64 = 3.0;
 /// Part of a recording that is set aside at most.
 const MOST: usize = 3;
 
+/// Rate from which on a pixel fires at nearly every readout.
+const SATURATED: f64 = 0.985;
+
 /// Pixels that are looked at.
 const LOOKED_AT: usize = 20_000;
 
@@ -46,10 +49,10 @@ pub(in crate::diagnose) fn in_step(setup: &Setup, scans: &[Scan]) -> Vec<usize> 
     scans.iter().enumerate().map(aside).collect()
 }
 
-/// Rates of the pixels that fire.
+/// Rates of the pixels that fire, but not at every readout: those that do never drift apart, and make no bursts.
 fn rates(scan: &Scan) -> Vec<f64> {
     let step = scan.pixels.len().div_ceil(LOOKED_AT).max(1);
-    scan.pixels.iter().step_by(step).filter(|p| p.count >= 3).map(|p| p.rate).collect()
+    scan.pixels.iter().step_by(step).filter(|p| p.count >= 3 && p.rate < SATURATED).map(|p| p.rate).collect()
 }
 
 /// Length of the mean of unit vectors at these parts of a turn.
@@ -74,6 +77,10 @@ fn began_together(scan: &Scan) -> bool {
 fn apart(scan: &Scan, readouts: usize) -> usize {
     let rates = rates(scan);
     let most = readouts / MOST;
+    let saturated = scan.pixels.iter().filter(|p| p.rate >= SATURATED).count();
+    if 2 * saturated > scan.pixels.len() {
+        return 0;
+    }
     if rates.len() < FEWEST {
         return most;
     }
