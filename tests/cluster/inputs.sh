@@ -35,9 +35,10 @@ shard=$((inputs / 100))
 flags="--width 8 --height 8 --readouts-per-frame 1 --insertion hold"
 echo "date                        $(date -u +%Y-%m-%d)"
 echo "inputs                      $inputs of 8x8 pixels, one frame each, $shard a shard"
+mkdir -p "$place/some"
+find "$place/clips" -name '*.y4m' | sort >"$place/some/all.txt"
 for part in 100 10 1; do
-    mkdir -p "$place/some"
-    find "$place/clips" -name '*.y4m' | head -$((inputs / part)) >"$place/some/list.txt"
+    head -n $((inputs / part)) "$place/some/all.txt" >"$place/some/list.txt"
     measured "plan from a list of $((inputs / part))" "$program" dataset plan --from-list "$place/some/list.txt" $flags \
         -o "$place/list-$part" --per-shard "$shard"
 done
