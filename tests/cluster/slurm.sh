@@ -87,7 +87,7 @@ for _ in $(seq 60); do
 done
 sinfo -h -o '%N %T' | grep -q idle || { cat "$place"/logs/* >&2; echo "slurm.sh: Slurm did not come up" >&2; exit 1; }
 
-scenes="--kind tiny --sequences 80 --images 40 --label-every 20 --width 64 --height 40"
+scenes="--kind tiny --sequences 80 --images 240 --label-every 60 --width 64 --height 40"
 echo "date            $(date -u +%Y-%m-%d)"
 echo "slurm           $(slurmctld -V)"
 echo "dataset         $scenes, 2 sequences a shard"
@@ -136,7 +136,11 @@ echo "SIGTERM         shard $termed"
 until [ "$(done_shards)" -ge 15 ]; do sleep 0.2; done
 # A node that dies takes its tasks along.
 mapfile -t children < <(ps -eo pid,args | awk '/slurmstepd: \[/ {print $1}')
-on_b=$(squeue -h -w b -t R -o %i | tr '\n' ' ')
+for _ in $(seq 300); do
+    on_b=$(squeue -h -w b -t R -o %i | tr '\n' ' ')
+    [ -n "$on_b" ] && break
+    sleep 0.1
+done
 kill -KILL "$pid_b"
 for child in "${children[@]}"; do
     jobid=$(ps -o args= -p "$child" 2>/dev/null | sed -n 's/.*\[\([0-9]*\).*/\1/p')

@@ -101,7 +101,8 @@ fn one(words: &[String]) -> Result<(), String> {
         },
         name if name.contains('/') && !root().join(name).is_file() => fail("no such script"),
         name if name.contains('/') || SYSTEM.contains(&name) || found(name) => Ok(()),
-        "ffmpeg" => Ok(()),
+        // Programs of other people that pages name, here or not.
+        "ffmpeg" | "jq" | "parallel" | "sbatch" => Ok(()),
         _ => fail("an unknown command"),
     }
 }

@@ -25,7 +25,7 @@ pub(in crate::diagnose) fn frames(v: &mut Vector, k: usize, scan: &Scan, scene: 
         let rest = mean(t / 16..t);
         v.push(k, "first readouts over the rest", ln(mean(0..t / 64)) - ln(rest), 1e-4);
         v.push(k, "start over the rest", ln(mean(t / 64..t / 16)) - ln(rest), 1e-4);
-        spectrum(v, k, scan, scene.brightness());
+        spectrum(v, k, &scan.totals, scene.brightness());
     }
     let even: f64 = scan.totals.iter().step_by(2).map(|c| f64::from(*c)).sum();
     let odd: f64 = scan.totals.iter().skip(1).step_by(2).map(|c| f64::from(*c)).sum();
@@ -119,11 +119,12 @@ fn power_at(totals: &[u32], frequency: f64) -> f64 {
     (re * re + im * im) / mean.max(1e-9)
 }
 
-fn spectrum(v: &mut Vector, k: usize, scan: &Scan, light: f64) {
-    let power = power(&scan.totals);
-    let t = scan.totals.len();
+fn spectrum(v: &mut Vector, k: usize, totals: &[u32], light: f64) {
+    let power = power(totals);
+    let t = totals.len();
     let mean = |from: usize, to: usize| {
-        let part = &power[from.min(power.len())..to.min(power.len())];
+        // Below six hundred readouts the low frequencies are the slow ones.
+        let part = &power[from.min(power.len())..to.max(from).min(power.len())];
         part.iter().sum::<f64>() / part.len().max(1) as f64
     };
     v.push(k, "slow power of the total", ln(mean(1, 6)), 1e-3);
@@ -197,5 +198,16 @@ mod tests {
         let all: Vec<&[u32]> = both.iter().map(Vec::as_slice).collect();
         let found = 2e4 * sharpened(&all, 105.0 / 2e4);
         assert!((found - 103.5).abs() < 0.25, "{found}");
+    }
+
+    /// Every length that a part of a recording may have, where the bands of frequencies are empty or nearly so.
+    #[test]
+    fn short_recordings_have_a_spectrum() {
+        for readouts in [256, 499, 500, 534, 599, 600, 601] {
+            let totals: Vec<u32> = (0..readouts).map(|t| 100 + t % 7).collect();
+            let mut v = Vector { statistics: Vec::new(), values: Vec::new() };
+            spectrum(&mut v, 0, &totals, 0.3);
+            assert!(v.values.iter().all(|x| x.is_finite()), "{readouts}: {:?}", v.values);
+        }
     }
 }
