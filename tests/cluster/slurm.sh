@@ -188,8 +188,8 @@ if [ -n "$python" ]; then
     "$program" dataset plan $scenes -o "$place/set" --per-shard 2 >/dev/null
     finished "$(submit 0-11)"
     echo "begun by Slurm  $("$program" dataset status "$place/set" | head -1)"
-    sed -n '/^```python needs python:ray$/,/^```$/p' "$guide" | sed '1d;$d' | sed 's/^shards = .*/shards = 40/' >"$place/ray.py"
-    (cd "$place" && "$python" ray.py >"$place/ray.txt" 2>&1) || { tail -20 "$place/ray.txt"; exit 1; }
+    sed -n '/^```python needs python:ray$/,/^```$/p' "$guide" | sed '1d;$d' | sed 's/^shards = .*/shards = 40/' >"$place/finish.py"
+    (cd "$place" && "$python" finish.py >"$place/ray.txt" 2>&1) || { tail -20 "$place/ray.txt"; exit 1; }
     ray=$("$program" dataset merge "$place/set" 2>/dev/null | sed -n 's/^digest //p')
     echo "ended by Ray    $("$python" -c 'import ray; print(ray.__version__)'): $ray"
     [ "$one" = "$ray" ] || { echo "DIFFERENT"; exit 1; }
