@@ -86,6 +86,8 @@ impl Runner<'_> {
                 said.is_ok_and(|out| out.status.success())
             }
             (_, Some(file)) => self.place.join(file).exists(),
+            // The client without a controller is no cluster.
+            _ if what == "sbatch" => Command::new("sinfo").output().is_ok_and(|out| out.status.success()),
             _ => check::found(what),
         }
     }
