@@ -44,7 +44,7 @@ def test_a_sequence_holds_what_the_program_wrote(packed: Path) -> None:
     plain = packed / "plain" / "sequences" / item["id"]
     for key, file in [("spikes", "stream.dat"), ("clean", "stream.clean.dat")]:
         with sl.open_stream(plain / file) as stream:
-            assert np.array_equal(item[key].numpy(), stream[:])
+            assert np.array_equal(item[key].numpy(), stream.bits())
     assert item["spikes"].shape == (3, 24, 32)
     assert np.array_equal(item["labels-000002-depth.npy"].numpy(), np.load(plain / "labels/000002.depth.npy"))
     assert item["png"] == (plain / "clear.png").read_bytes()
@@ -57,7 +57,7 @@ def test_workers_and_ranks_share_the_sequences_of_a_split(packed: Path) -> None:
     for split, names in plain.items():
         assert ids(SpikeShards(packed / "set", split)) == names
         shared = [ids(SpikeShards(packed / "set", split, rank=rank, ranks=3)) for rank in range(3)]
-        assert sorted(sum(shared, [])) == names
+        assert sorted(name for share in shared for name in share) == names
         loader = DataLoader(SpikeShards(packed / "set", split), batch_size=None, num_workers=2)
         assert sorted(ids(loader)) == names
 

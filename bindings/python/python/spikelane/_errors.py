@@ -9,7 +9,8 @@ class SpikelaneError(ValueError):
     """Something cannot be simulated, read or written; the message says what, and what to do.
 
     Fields, each a str: ``kind`` ("usage", "config", "input", "type", "io", "space", "exists", "tool", "corrupt",
-    "busy", "requeue", "interrupted"), ``subject`` (the file or argument), ``found``, ``expected``, ``remedy`` (each may be empty).
+    "busy", "requeue", "interrupted"), ``subject`` (the file or argument), ``found``, ``expected``, ``remedy`` (each may
+    be empty).
     """
 
     kind: str = ""

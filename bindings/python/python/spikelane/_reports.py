@@ -132,7 +132,9 @@ class Measurement:
 class Lamp:
     """A light level as the recording set states it and as it was found.
 
-    ``change`` is by how much, relatively, the light of the second half of its recording differs from the first's.
+    ``change`` is by how much, relatively, the light of the second half of its recording differs from the first's. ``rate`` is
+    the mean of the pixels that have a line, in spikes per readout; ``scatter`` the spread of their rates about their own
+    lines, relative to it; ``readouts`` is 0 for a map of unknown length.
     """
 
     file: str
@@ -143,6 +145,9 @@ class Lamp:
     wrong: bool
     saturated: bool
     drifts: bool
+    readouts: int
+    rate: float
+    scatter: float
     change: Estimate
 
 
@@ -153,7 +158,8 @@ class Calibration:
     ``gain`` and ``dark_rate`` are means over the pixels in thresholds per readout (at full light, and in the dark),
     with their spreads; ``threshold_noise`` is relative to the threshold; ``electrons_per_spike`` in electrons.
     ``camera`` has the maps; ``dead``, ``hot``, ``misfits``, ``unknown_pixels`` are int64 indices row * W + col.
-    ``raw`` is all of calibration.json.
+    ``verdict`` says in a sentence how far to trust the camera, ``cautions`` why no further; ``raw`` is all of
+    calibration.json.
     """
 
     camera: _native.Camera
@@ -170,6 +176,8 @@ class Calibration:
     hot: NDArray[np.int64]
     misfits: NDArray[np.int64]
     unknown_pixels: NDArray[np.int64]
+    verdict: str
+    cautions: tuple[str, ...]
     notes: tuple[str, ...]
     raw: dict[str, Any] = field(repr=False)
 
@@ -332,6 +340,8 @@ def calibrate(
         hot=_indices(said["hot"]),
         misfits=_indices(said["misfits"]),
         unknown_pixels=_indices(said["unknown_pixels"]),
+        verdict=said["verdict"],
+        cautions=tuple(said["cautions"]),
         notes=tuple(said["notes"]),
         raw=said,
     )

@@ -82,7 +82,9 @@ def _tars(source: str | Path | Sequence[str | Path]) -> list[Path]:
         folder = Path(source)
         found = sorted(folder.glob("shards/*.tar")) or sorted(folder.glob("*.tar"))
         if not found:
-            raise _usage(str(source), "no tar", "the folder of a dataset that was planned with --pack", "run its shards")
+            raise _usage(
+                str(source), "no tar", "the folder of a dataset that was planned with --pack", "run its shards"
+            )
         return found
     return [Path(path) for path in source]
 
