@@ -8,7 +8,7 @@ use crate::dataset::stamp;
 use crate::dataset::views::{self, Views};
 use crate::dataset::{DatasetOptions, Entry, Manifest, Record, Status, Work, card, sequence};
 use crate::error::{Error, Kind, Result};
-use crate::storage::{self, steps};
+use crate::storage::{self, trees};
 
 /// How far a dataset is.
 #[derive(Clone, Copy, Debug)]
@@ -157,7 +157,7 @@ pub fn make(options: &DatasetOptions, watch: &mut dyn FnMut(Progress<'_>) -> Res
         } else {
             // A former attempt may have left a folder whose digests no longer hold.
             let old = sequences.join(&manifest.entries[index].id);
-            steps::remove(&old)?;
+            trees::remove(&old)?;
         }
         manifest.write(&options.output)?;
     }

@@ -16,7 +16,7 @@ use crate::light::{self, Frame, Insertion, OwnedSamples, Pace, Source, Timeline}
 use crate::report::with_known;
 use crate::scene::Scene;
 use crate::simulate::{CameraFacts, LightFacts, Looks, Outcome, Run, Sidecar, StreamFacts, run_looking};
-use crate::storage::steps;
+use crate::storage::{steps, trees};
 
 /// Hears of readouts done, and may stop the work.
 pub(super) type Watch<'a> = &'a mut dyn FnMut(u64, Option<u64>) -> Result<()>;
@@ -44,7 +44,7 @@ pub(super) fn make(
     let options = &options.of_sequence(&entry.id)?;
     let all = options.output.join("sequences");
     let (folder, hidden) = (all.join(&entry.id), all.join(format!(".{}.partial", entry.id)));
-    steps::remove(&hidden)?;
+    trees::remove(&hidden)?;
     fs::create_dir_all(&hidden).map_err(|e| Error::io(hidden.display(), e))?;
     let mut draft = Draft { hidden, kept: false };
     let (about, readouts) = match &options.work {
@@ -53,8 +53,8 @@ pub(super) fn make(
     };
     let record = Record::of(&entry.id, about, &draft.hidden)?;
     let digest = record.write(&draft.hidden)?;
-    steps::sync_tree(&draft.hidden)?;
-    steps::remove(&folder)?;
+    trees::sync_tree(&draft.hidden)?;
+    trees::remove(&folder)?;
     steps::rename(&draft.hidden, &folder)?;
     draft.kept = true;
     steps::sync_folder(&all)?;

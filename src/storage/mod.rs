@@ -10,6 +10,8 @@ mod map;
 mod partial;
 mod shared;
 pub(crate) mod steps;
+#[cfg(feature = "scene")]
+pub(crate) mod trees;
 mod words;
 mod writer;
 

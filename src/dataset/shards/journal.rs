@@ -12,7 +12,7 @@ use crate::dataset::record::{self, Record};
 use crate::dataset::stamp::{self, Stamp};
 use crate::dataset::{Entry, Status};
 use crate::error::{Error, Kind, Result};
-use crate::storage::{self, Digest, steps};
+use crate::storage::{self, Digest, steps, trees};
 
 /// Its name in the shard's folder while sequences are missing.
 const NAME: &str = "journal.jsonl";
@@ -111,7 +111,7 @@ impl Journal {
     }
 
     pub(crate) fn remove(&self) -> Result<()> {
-        steps::remove(&self.path)
+        trees::remove(&self.path)
     }
 }
 
@@ -171,7 +171,7 @@ pub(super) fn read_manifest(folder: &Path) -> Result<Option<(Head, Vec<Line>)>> 
 
 /// Takes the manifest away before sequences are made again.
 pub(super) fn withdraw_manifest(folder: &Path) -> Result<()> {
-    steps::remove(&folder.join(manifest::NAME))?;
+    trees::remove(&folder.join(manifest::NAME))?;
     steps::sync_folder(folder)
 }
 

@@ -10,7 +10,7 @@ use crate::dataset::config;
 use crate::dataset::entries::{new_input, planned};
 use crate::dataset::{DatasetOptions, Entry, Input, Inputs, Split, Stamp, Work};
 use crate::error::{Error, Kind, Result};
-use crate::storage::{self, steps};
+use crate::storage::{self, trees};
 
 /// The version of the plan's form.
 const VERSION: u32 = 1;
@@ -93,7 +93,7 @@ impl Plan {
 
     fn begin(options: &DatasetOptions, per_shard: u64, pack: bool, written: &config::Written) -> Result<()> {
         let folder = &options.output;
-        steps::remove_partials(folder, |_| true)?;
+        trees::remove_partials(folder, |_| true)?;
         for (name, bytes) in &written.maps {
             storage::write_small(&folder.join(name), bytes, true)?;
         }

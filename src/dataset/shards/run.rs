@@ -11,7 +11,7 @@ use super::pack;
 use super::plan::{Plan, Task};
 use crate::dataset::{DatasetOptions, Entry, Progress, Record, Status, Work, sequence, stamp};
 use crate::error::{Error, Kind, Result};
-use crate::storage::steps;
+use crate::storage::trees;
 
 /// How a shard is run.
 #[derive(Clone, Copy, Debug)]
@@ -98,7 +98,7 @@ pub fn run(
     }
     journal::write_manifest(&folder, &Head::of(number, &lines, packed), &lines)?;
     if plan.pack {
-        steps::remove(&sequences)?;
+        trees::remove(&sequences)?;
     }
     shard.journal.remove()?;
     let mut report = shard.report;
@@ -119,12 +119,12 @@ fn name(entry: &Entry) -> String {
 
 /// Removes what a killed run left: hidden folders and files in the making.
 fn clean(folder: &Path) -> Result<()> {
-    steps::remove_partials(folder, |_| true)?;
-    steps::remove_partials(&folder.join("sequences"), |_| true)?;
+    trees::remove_partials(folder, |_| true)?;
+    trees::remove_partials(&folder.join("sequences"), |_| true)?;
     // The pack is made beside the folder, where others are at work too.
     let (Some(beside), Some(name)) = (folder.parent(), folder.file_name()) else { return Ok(()) };
     let own = format!(".{}.tar.", name.to_string_lossy());
-    steps::remove_partials(beside, |name| name.starts_with(&own))
+    trees::remove_partials(beside, |name| name.starts_with(&own))
 }
 
 /// The report of a shard that is done and unharmed; what is damaged loses its manifest.
@@ -138,7 +138,7 @@ fn whole(plan: &Plan, number: u64, how: &Running) -> Result<Option<ShardReport>>
     };
     if sound && !retry {
         if head.pack.is_some() {
-            steps::remove(&folder.join("sequences"))?;
+            trees::remove(&folder.join("sequences"))?;
         }
         Journal::of(&folder).remove()?;
         let set_aside = set_aside(&lines);
@@ -198,7 +198,7 @@ impl Shard<'_> {
         let mut entry = task.entry.clone();
         (entry.status, entry.reason, entry.bytes) = (Status::Failed, Some(reason), None);
         // An earlier attempt of another run may have left its folder.
-        steps::remove(&self.options.output.join("sequences").join(&entry.id))?;
+        trees::remove(&self.options.output.join("sequences").join(&entry.id))?;
         Ok(Line { entry, seconds: start.elapsed().as_secs_f64(), times_ns: Vec::new() })
     }
 

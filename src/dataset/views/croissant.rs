@@ -6,7 +6,7 @@ use super::{metadata, sha256};
 use crate::dataset::{DatasetOptions, Split};
 use crate::error::{Error, Kind, Result};
 use crate::report::with_known;
-use crate::storage::{self, steps};
+use crate::storage::{self, trees};
 
 const NAME: &str = "croissant.json";
 
@@ -14,7 +14,7 @@ const NAME: &str = "croissant.json";
 pub(super) fn write(options: &DatasetOptions, tables: &[(Split, String)], about: &str) -> Result<()> {
     let path = options.output.join(NAME);
     if tables.is_empty() {
-        return steps::remove(&path);
+        return trees::remove(&path);
     }
     let described = described(options, tables, about);
     let text = serde_json::to_vec_pretty(&described)

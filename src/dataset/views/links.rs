@@ -8,7 +8,7 @@ use std::path::Path;
 use crate::dataset::{DatasetOptions, Entry, Split};
 use crate::error::{Error, Result};
 use crate::simulate::{Sidecar, StreamFacts};
-use crate::storage::steps;
+use crate::storage::{steps, trees};
 
 /// What the labels of a sequence become for loaders.
 const LABEL_FOLDERS: [&str; 9] = [
@@ -46,13 +46,13 @@ pub(crate) fn place(options: &DatasetOptions, entry: &Entry) -> Result<u64> {
 
 /// Removes what killed runs left in the dataset's own folders; nobody else may be at work there.
 pub(crate) fn clean(folder: &Path) -> Result<()> {
-    steps::remove_partials(folder, |_| true)?;
-    steps::remove_partials(&folder.join("sequences"), |_| true)?;
+    trees::remove_partials(folder, |_| true)?;
+    trees::remove_partials(&folder.join("sequences"), |_| true)?;
     for split in Split::ALL.map(Split::name) {
         let split = folder.join(split);
-        steps::remove_partials(&split, |_| true)?;
+        trees::remove_partials(&split, |_| true)?;
         for kind in ["spike", "clean", "gt"] {
-            steps::remove_partials(&split.join(kind), |_| true)?;
+            trees::remove_partials(&split.join(kind), |_| true)?;
         }
     }
     Ok(())

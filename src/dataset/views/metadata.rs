@@ -5,7 +5,7 @@ use serde_json::json;
 use crate::dataset::{DatasetOptions, Entry, Split};
 use crate::error::Result;
 use crate::report::with_known;
-use crate::storage::{self, steps};
+use crate::storage::{self, trees};
 
 /// Its name in the folder of a split.
 pub(super) const NAME: &str = "metadata.jsonl";
@@ -37,7 +37,7 @@ impl Tables {
         for (split, text) in Split::ALL.into_iter().zip(self.splits) {
             let path = options.output.join(split.name()).join(NAME);
             if text.is_empty() {
-                steps::remove(&path)?;
+                trees::remove(&path)?;
             } else {
                 storage::write_small(&path, text.as_bytes(), true)?;
                 written.push((split, text));
