@@ -36,8 +36,10 @@ impl Calibration {
             said.push("When threshold noise is redrawn could not be told: the camera file has the nominal rule, at every reset.".to_owned());
         }
         let assumed = |what: &str, e: Estimate| {
-            (!e.error.is_finite())
-                .then(|| format!("{what} could not be told: the camera file has the nominal {:.4}.", e.value))
+            let digits = if e.value >= 100.0 { 0 } else { 6 };
+            (!e.error.is_finite()).then(|| {
+                format!("{what} could not be told: the camera file has the nominal {:.digits$}.", e.value)
+            })
         };
         said.extend(assumed("The electrons of a spike", self.electrons));
         said.extend(assumed("The threshold noise", self.sigma_t));
