@@ -46,6 +46,7 @@ impl Fitter<'_> {
                 0.0 => Estimate { value: 0.0, error: 0.0, ..offset },
                 _ => Estimate { error, ..offset },
             };
+            let rate = self.mean_rate(level);
             Lamp {
                 file: level.name.clone(),
                 stated: level.light,
@@ -56,8 +57,8 @@ impl Fitter<'_> {
                 drifts: level.drifts(),
                 saturated: self.saturated[k],
                 readouts: level.readouts,
-                rate: self.mean_rate(level),
-                scatter: self.scatter(level, level.light + offset.value),
+                rate,
+                scatter: self.scatter(level, level.light + offset.value, rate),
             }
         };
         self.observed.levels.iter().enumerate().map(lamp).collect()
@@ -74,10 +75,9 @@ impl Fitter<'_> {
         if n > 0.0 { sum / n } else { 0.0 }
     }
 
-    /// Robust spread of the rates about the lines at `light`, of the mean rate; 0 where no pixel fired.
-    fn scatter(&self, level: &Level, light: f64) -> f64 {
+    /// Robust spread of the rates about the lines at `light`, of their `mean`; 0 where no pixel fired.
+    fn scatter(&self, level: &Level, light: f64, mean: f64) -> f64 {
         let mut off: Vec<f64> = self.fitted(level).map(|(x, f)| x - f.a * light - f.d).collect();
-        let mean = self.mean_rate(level);
         if mean > 0.0 { median_and_spread(&mut off).1 / mean } else { 0.0 }
     }
 

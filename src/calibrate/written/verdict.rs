@@ -1,6 +1,6 @@
 //! What a calibration may be used for, in a sentence with its cautions.
 
-use crate::calibrate::result::Calibration;
+use crate::calibrate::result::{Calibration, Lamp};
 use crate::measure::Estimate;
 
 /// A typical chi-square per degree of freedom from which lines are doubted; with some hundred pixels it is known to ten per cent.
@@ -54,7 +54,7 @@ impl Calibration {
 
     fn cautions_of_lamps(&self) -> Vec<String> {
         let lit = self.levels.iter().filter(|l| l.stated > 0.0).count();
-        let named = |of: fn(&&crate::calibrate::result::Lamp) -> bool| -> Vec<&str> {
+        let named = |of: fn(&&Lamp) -> bool| -> Vec<&str> {
             self.levels.iter().filter(of).map(|l| l.file.as_str()).collect()
         };
         let mut said = Vec::new();

@@ -1,8 +1,9 @@
 //! Croissant 1.0 (MLCommons): `croissant.json`, by which search engines and loaders know the dataset.
 
 use serde_json::{Value, json};
+use sha2::{Digest as _, Sha256};
 
-use super::{metadata, sha256};
+use super::metadata;
 use crate::dataset::{DatasetOptions, Split};
 use crate::error::{Error, Kind, Result};
 use crate::report::with_known;
@@ -53,8 +54,13 @@ fn file(split: Split, text: &str) -> Value {
         "@type": "cr:FileObject", "@id": format!("{split}-table"), "name": format!("{split}-table"),
         "description": "A line a sequence: its picture of ground truth, its noisy and its clean stream.",
         "contentUrl": format!("{split}/{}", metadata::NAME), "contentSize": format!("{} B", text.len()),
-        "encodingFormat": "application/jsonlines", "sha256": sha256::hex(text.as_bytes()),
+        "encodingFormat": "application/jsonlines", "sha256": sha256(text),
     })
+}
+
+/// In hexadecimal digits.
+fn sha256(text: &str) -> String {
+    Sha256::digest(text).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn record_set(split: Split, text: &str) -> Value {
@@ -132,4 +138,13 @@ fn context() -> Value {
     ];
     all.extend(further.map(|(key, value)| (key.to_owned(), value)));
     all.into()
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_digest_is_that_of_the_standard_example() {
+        let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(super::sha256("abc"), expected);
+    }
 }

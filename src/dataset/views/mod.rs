@@ -6,7 +6,6 @@ mod kitti;
 mod links;
 mod metadata;
 mod mot;
-mod sha256;
 mod spikecv;
 
 use std::fs;

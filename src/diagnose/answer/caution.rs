@@ -45,7 +45,11 @@ pub(in crate::diagnose) fn cautious(d: &mut Diagnosis, reference: &Reference) {
             effect.evidence += "; the interval of its strength holds none of it";
         }
     }
-    d.effects.iter_mut().for_each(|e| e.evidence = nearer(&e.evidence, d.gap.floor));
+    for effect in &mut d.effects {
+        if let Some(step) = effect.step {
+            effect.evidence = effect.evidence.replace(&step.words(), &step.nearer(d.gap.floor));
+        }
+    }
     for effect in &mut d.effects {
         let light = OF_THE_LIGHT.iter().find(|l| l.0.name == effect.name);
         effect.evidence += light.map_or("", |l| l.1);
@@ -90,42 +94,5 @@ fn tie_bends(d: &mut Diagnosis, reference: &Reference) {
     for (effect, alike) in d.effects.iter_mut().zip(ties) {
         let room = MOST_TIED.saturating_sub(effect.tied_with.len());
         effect.tied_with.extend(alike.into_iter().take(room));
-    }
-}
-
-/// What a search says of a step, as far as it speaks for the name. A name whose sensors differ more among themselves makes recordings likelier
-/// without bringing the model nearer, and its squared distance may grow.
-fn nearer(evidence: &str, floor: f64) -> String {
-    let Some((before, rest)) = evidence.split_once("the misfit goes from ") else {
-        return evidence.to_owned();
-    };
-    let Some((numbers, after)) = rest.split_once(')') else { return evidence.to_owned() };
-    let told: Vec<f64> = numbers
-        .split(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-'))
-        .filter_map(|word| word.parse().ok())
-        .collect();
-    let [.., from, to] = told[..] else { return evidence.to_owned() };
-    let words = if to < from {
-        format!("the held-out gap falls from {from:.0} to {to:.0}, where its floor is {floor:.0}")
-    } else {
-        "held-out recordings become likelier, as sensors with it differ more".to_owned()
-    };
-    format!("{before}{words}{after}")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_gap_that_grows_is_no_evidence() {
-        let fell = "in the place of leak the misfit goes from 900 to 210 (950 held out: 200); 3 found";
-        assert_eq!(
-            nearer(fell, 190.0),
-            "in the place of leak the held-out gap falls from 950 to 200, where its floor is 190; 3 found"
-        );
-        let grew = nearer("the misfit goes from 2403 to 4702 (2400 held out: 4600)", 900.0);
-        assert!(!grew.contains("4702") && !grew.contains("4600"), "{grew}");
-        assert_eq!(nearer("nothing", 1.0), "nothing");
     }
 }

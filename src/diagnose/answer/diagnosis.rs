@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::pictures::Picture;
 use crate::diagnose::given::about::About;
 use crate::diagnose::lab::fault::Fault;
-use crate::diagnose::search::round::Fate;
+use crate::diagnose::search::round::{Fate, Step};
 use crate::effects::Camera;
 
 /// The verdict.
@@ -49,6 +49,9 @@ pub struct FoundEffect {
     pub resembles: bool,
     /// What speaks for it.
     pub evidence: String,
+    /// The step of which that tells.
+    #[serde(skip)]
+    pub(in crate::diagnose) step: Option<Step>,
 }
 
 /// A number of the model that the data contradict.

@@ -84,7 +84,8 @@ pub(in crate::diagnose) fn outcome(
         }
         let evidence = round.map_or_else(String::new, |r| r.evidence.clone())
             + &found.fit.located.words(effect, &reference.setup.scenes);
-        effects.push(FoundEffect { name, parameters, tied_with, resembles, evidence });
+        let step = round.and_then(|r| r.step);
+        effects.push(FoundEffect { name, parameters, tied_with, resembles, evidence, step });
     }
     let mut notes = Vec::new();
     let wrong = given.map_or_else(Vec::new, |given| base_misfits(reference, found, data, given));

@@ -10,6 +10,7 @@ use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::null::reference::Reference;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::search::round::Step;
 use crate::error::Result;
 
 /// The set that judges: another take, or the second half of the first one, which the model must be
@@ -92,12 +93,9 @@ impl Case<'_> {
         [at.fit.misfit, self.fitter.reference.metric.square(&at.off)]
     }
 
-    /// What a step from one model to another did to them, in words.
-    pub fn evidence(&self, before: &Judged, after: &Judged) -> String {
-        let [[train, heldout], [train_after, heldout_after]] = [before, after].map(|at| self.gaps(at));
-        format!(
-            "the misfit goes from {train:.0} to {train_after:.0} ({heldout:.0} held out: {heldout_after:.0})"
-        )
+    /// What a step from one model to another did to them.
+    pub fn step(&self, before: &Judged, after: &Judged) -> Step {
+        Step { before: self.gaps(before), after: self.gaps(after) }
     }
 
     fn alarm(&self, fit: &Fit, own: &Own, off: &DVector<f64>) -> bool {

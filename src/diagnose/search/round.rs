@@ -29,6 +29,35 @@ pub(in crate::diagnose) struct Entrant {
     pub mean: DVector<f64>,
 }
 
+/// What a step from one model to another did to the fitted and to the held-out set: their squared distances, with what
+/// calibration fits taken out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    pub(in crate::diagnose) before: [f64; 2],
+    pub(in crate::diagnose) after: [f64; 2],
+}
+
+impl Step {
+    /// The step as a study records it.
+    pub(in crate::diagnose) fn words(&self) -> String {
+        let [[train, heldout], [train_after, heldout_after]] = [self.before, self.after];
+        format!(
+            "the misfit goes from {train:.0} to {train_after:.0} ({heldout:.0} held out: {heldout_after:.0})"
+        )
+    }
+
+    /// As far as it speaks for the name. A name whose sensors differ more among themselves makes recordings likelier without
+    /// bringing the model nearer, and its squared distance may grow.
+    pub(in crate::diagnose) fn nearer(&self, floor: f64) -> String {
+        let [from, to] = [self.before[1], self.after[1]].map(f64::round);
+        if to < from {
+            format!("the held-out gap falls from {from:.0} to {to:.0}, where its floor is {floor:.0}")
+        } else {
+            "held-out recordings become likelier, as sensors with it differ more".to_owned()
+        }
+    }
+}
+
 /// One round of the loop.
 #[derive(Clone, Debug)]
 pub(in crate::diagnose) struct Round {
@@ -43,6 +72,8 @@ pub(in crate::diagnose) struct Round {
     pub faint: bool,
     /// What speaks for the winner, in words; nothing where it was turned down.
     pub evidence: String,
+    /// The step of which that tells.
+    pub step: Option<Step>,
 }
 
 impl Round {
@@ -72,4 +103,18 @@ pub(in crate::diagnose) fn kept_mut<'a>(rounds: &'a mut [Round], name: &str) -> 
 /// The names beside the winner that are as likely, two at most.
 pub(in crate::diagnose) fn tied(round: &Round) -> Vec<&Entrant> {
     round.entrants.iter().filter(|e| e.tied && e.name != round.winner).take(2).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gap_that_grows_is_no_evidence() {
+        let fell = Step { before: [900.0, 950.0], after: [210.0, 200.0] };
+        assert_eq!(fell.words(), "the misfit goes from 900 to 210 (950 held out: 200)");
+        assert_eq!(fell.nearer(190.0), "the held-out gap falls from 950 to 200, where its floor is 190");
+        let grew = Step { before: [2403.0, 2400.0], after: [4702.0, 4600.0] }.nearer(900.0);
+        assert!(!grew.contains("4702") && !grew.contains("4600"), "{grew}");
+    }
 }

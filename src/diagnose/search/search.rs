@@ -117,7 +117,8 @@ pub(in crate::diagnose) fn search(case: &Case<'_>, progress: Progress<'_>) -> Re
         };
         gap(format!("with {}", round.winner), &next);
         let share = round.share;
-        rounds.push(Round { fate: Fate::Kept, evidence: case.evidence(&at, &next), ..round });
+        let step = case.step(&at, &next);
+        rounds.push(Round { fate: Fate::Kept, evidence: step.words(), step: Some(step), ..round });
         at = next;
         if share < LIKENESS {
             // What is there is something else; more names would be more likenesses.

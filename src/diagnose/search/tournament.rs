@@ -87,6 +87,7 @@ impl Case<'_> {
             mean: best.mean.clone(),
             faint: false,
             evidence: String::new(),
+            step: None,
         };
         Ok(Some((best, round)))
     }

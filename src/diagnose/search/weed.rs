@@ -173,7 +173,9 @@ impl Case<'_> {
         let own = self.fitter.converged(&mut best)?;
         let next = self.judged(best, own)?;
         if let Some(round) = round {
-            round.evidence = format!("in the place of {} {}", round.winner, self.evidence(at, &next));
+            let step = self.step(at, &next);
+            round.evidence = format!("in the place of {} {}", round.winner, step.words());
+            round.step = Some(step);
             round.winner = last(&next.fit);
             round.mean = next.fit.mean.clone();
             round.entrants.clear();

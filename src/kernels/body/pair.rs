@@ -13,7 +13,7 @@ use std::ops::Range;
 use crate::kernels::body::any_rules::flip;
 use crate::kernels::body::arriving::{acting, fallen};
 use crate::kernels::body::increment::{Fine, Increment};
-use crate::kernels::body::pass::{Pass, Rows};
+use crate::kernels::body::pass::{Pass, Row, Rows};
 use crate::kernels::body::pixels::{Constants, Pixels};
 use crate::kernels::body::step::{self, FREE, SURPLUS, stays_below};
 use crate::kernels::isa::lanes::Lanes;
@@ -83,14 +83,27 @@ fn rows<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA: bool, const SHO
         let both = [&mut first.pixels, &mut second.pixels];
         let [fired, more] =
             step::noisy_two::<L, NOISE, STORE, EXTRA, SHOT>(l, &row, constants, increments, both);
-        let [fired, more] = if EXTRA {
-            [flip(l, job, row.t, constants[0], fired), flip(l, job, row.t, constants[1], more)]
-        } else {
-            [fired, more]
-        };
-        let bits = &mut row.bits[at / 8..][..const { L::N / 4 }];
-        l.store_bits_of_two(bits, fired, more);
+        report::<L, EXTRA>(l, job, row, at, constants, [fired, more]);
     }
+}
+
+/// Stores what two vectors report of a readout, `EXTRA` where bits may be flipped on the way.
+#[inline(always)]
+pub(super) fn report<L: Lanes, const EXTRA: bool>(
+    l: L,
+    job: &Job<'_>,
+    row: Row<'_>,
+    at: usize,
+    constants: [&Constants<L>; 2],
+    [fired, more]: [L::Mask; 2],
+) {
+    let [fired, more] = if EXTRA {
+        [flip(l, job, row.t, constants[0], fired), flip(l, job, row.t, constants[1], more)]
+    } else {
+        [fired, more]
+    };
+    let bits = &mut row.bits[at / 8..][..const { L::N / 4 }];
+    l.store_bits_of_two(bits, fired, more);
 }
 
 impl<L: Lanes> Held<L> {

@@ -10,9 +10,8 @@
 
 use std::ops::Range;
 
-use crate::kernels::body::any_rules::flip;
 use crate::kernels::body::increment::{Increment, cut_off, sample};
-use crate::kernels::body::pair::is_inside;
+use crate::kernels::body::pair::{is_inside, report};
 use crate::kernels::body::pass::{FRAMES, Pass, Rows};
 use crate::kernels::body::pixels::{Constants, Pixels};
 use crate::kernels::body::step;
@@ -139,13 +138,7 @@ fn rows<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA: bool>(
         let both = [&mut first.pixels, &mut second.pixels];
         let [fired, more] =
             step::noisy_two::<L, NOISE, STORE, EXTRA, true>(l, &row, constants, increments, both);
-        let [fired, more] = if EXTRA {
-            [flip(l, job, row.t, constants[0], fired), flip(l, job, row.t, constants[1], more)]
-        } else {
-            [fired, more]
-        };
-        let bits = &mut row.bits[at / 8..][..const { L::N / 4 }];
-        l.store_bits_of_two(bits, fired, more);
+        report::<L, EXTRA>(l, job, row, at, constants, [fired, more]);
     }
 }
 

@@ -15,6 +15,7 @@ struct OfStar {
 #[derive(Clone, Debug)]
 struct OfBars {
     at: usize,
+    col: usize,
     under: f32,
     inside: f32,
 }
@@ -52,7 +53,7 @@ impl Drawn {
 
     /// Which patterns a pixel sees.
     fn sort(&mut self, at: usize, scene: &Scene) {
-        let [x, y] = self.centre(at);
+        let ([x, y], col) = (self.centre(at), at % self.width);
         let spokes = scene.star.spokes(x, y);
         let inside = [0, 1].map(|i| scene.bars[i].inside(x, y));
         let under = scene.square.over(GROUND, x, y);
@@ -60,8 +61,8 @@ impl Drawn {
         match (spokes, inside) {
             (None, [0.0, 0.0]) => {}
             (Some(spokes), [0.0, 0.0]) if under == GROUND => self.star.push(OfStar { at, under, spokes }),
-            (None, [inside, 0.0]) => self.bars[0].push(OfBars { at, under, inside }),
-            (None, [0.0, inside]) => self.bars[1].push(OfBars { at, under, inside }),
+            (None, [inside, 0.0]) => self.bars[0].push(OfBars { at, col, under, inside }),
+            (None, [0.0, inside]) => self.bars[1].push(OfBars { at, col, under, inside }),
             _ => self.several.push(at),
         }
     }
@@ -79,7 +80,7 @@ impl Drawn {
         for (bars, pixels) in scene.bars.iter().zip(&self.bars) {
             let lights: Vec<f32> = (0..self.width).map(|col| bars.light(col as f32 + 0.5)).collect();
             for p in pixels {
-                samples[p.at] = code(mix(p.under, lights[p.at % self.width], p.inside));
+                samples[p.at] = code(mix(p.under, lights[p.col], p.inside));
             }
         }
         for at in &self.several {

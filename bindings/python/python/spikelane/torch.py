@@ -72,7 +72,33 @@ class SpikeClips(Dataset[dict[str, Any]]):
         return _tensors(self.sampler.item(int(index), self.epoch))
 
 
-class SpikeClipStream(IterableDataset[dict[str, Any]]):
+def _worker() -> tuple[int, int]:
+    """Number of this worker, and how many there are."""
+    worker: Any = get_worker_info()  # type: ignore[no-untyped-call, unused-ignore]
+    return (worker.id, worker.num_workers) if worker else (0, 1)
+
+
+class _Passes(IterableDataset[dict[str, Any]]):
+    """Passes over items of which this rank takes a part: ``epoch`` and ``rank`` of ``ranks``."""
+
+    def __init__(self, rank: int, ranks: int) -> None:
+        if not 0 <= rank < ranks:
+            raise ValueError(f"rank: found {rank} of {ranks}, expected 0 to {ranks - 1}; count ranks from 0")
+        self.rank = rank
+        self.ranks = ranks
+        self._epoch = _shared_zero()
+
+    def set_epoch(self, epoch: int) -> None:
+        """Chooses the epoch, 0 at first."""
+        self._epoch[0] = epoch
+
+    @property
+    def epoch(self) -> int:
+        """The epoch."""
+        return int(self._epoch[0])
+
+
+class SpikeClipStream(_Passes):
     """An iterable dataset of streams: one pass over all clips, in an order drawn anew in every epoch.
 
     Arguments and items are those of ``spikelane.ClipSampler``, arrays as tensors. Of W workers (and R ranks, with
@@ -91,22 +117,9 @@ class SpikeClipStream(IterableDataset[dict[str, Any]]):
         ranks: int = 1,
         **options: Any,
     ) -> None:
-        if not 0 <= rank < ranks:
-            raise ValueError(f"rank: found {rank} of {ranks}, expected 0 to {ranks - 1}; count ranks from 0")
+        super().__init__(rank, ranks)
         self.sampler = ClipSampler(clips, camera, readouts_per_frame, **options)
         self.shuffle = shuffle
-        self.rank = rank
-        self.ranks = ranks
-        self._epoch = _shared_zero()
-
-    def set_epoch(self, epoch: int) -> None:
-        """Chooses the epoch, 0 at first."""
-        self._epoch[0] = epoch
-
-    @property
-    def epoch(self) -> int:
-        """The epoch."""
-        return int(self._epoch[0])
 
     def __len__(self) -> int:
         """Items of a pass of this rank."""
@@ -116,13 +129,12 @@ class SpikeClipStream(IterableDataset[dict[str, Any]]):
         epoch, order = self.epoch, list(range(len(self.sampler)))
         if self.shuffle:
             order.sort(key=lambda index: _hash(self.sampler.seed, 0x5807, epoch, index))
-        worker: Any = get_worker_info()  # type: ignore[no-untyped-call, unused-ignore]
-        own, workers = (worker.id, worker.num_workers) if worker else (0, 1)
+        own, workers = _worker()
         for index in order[self.rank :: self.ranks][own::workers]:
             yield _tensors(self.sampler.item(index, epoch))
 
 
-class SpikeShards(IterableDataset[dict[str, Any]]):
+class SpikeShards(_Passes):
     """Sequences of packed shards: one pass over those of a split, read tar by tar.
 
     ``source`` is the folder of a dataset that was planned with ``--pack``, or a list of tars. Items hold ``id``, ``split``,
@@ -146,25 +158,11 @@ class SpikeShards(IterableDataset[dict[str, Any]]):
         rank: int = 0,
         ranks: int = 1,
     ) -> None:
-        if not 0 <= rank < ranks:
-            raise ValueError(f"rank: found {rank} of {ranks}, expected 0 to {ranks - 1}; count ranks from 0")
+        super().__init__(rank, ranks)
         self.reader = ShardReader(source, split, clean=clean, members=members, shuffle=shuffle, seed=seed)
-        self.rank = rank
-        self.ranks = ranks
-        self._epoch = _shared_zero()
-
-    def set_epoch(self, epoch: int) -> None:
-        """Chooses the epoch, 0 at first."""
-        self._epoch[0] = epoch
-
-    @property
-    def epoch(self) -> int:
-        """The epoch."""
-        return int(self._epoch[0])
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
-        worker: Any = get_worker_info()  # type: ignore[no-untyped-call, unused-ignore]
-        own, workers = (worker.id, worker.num_workers) if worker else (0, 1)
+        own, workers = _worker()
         tars = self.reader.part(self.epoch, self.ranks * workers, self.rank * workers + own)
         for item in self.reader.items(tars):
             yield _tensors(item)

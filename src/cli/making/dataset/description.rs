@@ -270,3 +270,21 @@ impl Description {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A flag that is missing from the list would be read beside `--config` and do nothing.
+    #[test]
+    fn every_flag_that_says_what_is_made_is_refused_beside_a_text_that_does() {
+        let command = <Description as clap::Args>::augment_args(clap::Command::new("dataset"));
+        let beside = ["output", "config", "threads"];
+        let missing: Vec<&str> = command
+            .get_arguments()
+            .map(|arg| arg.get_id().as_str())
+            .filter(|id| !beside.contains(id) && !DESCRIBED.contains(id))
+            .collect();
+        assert!(missing.is_empty(), "{missing:?}");
+    }
+}
