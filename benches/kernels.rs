@@ -81,7 +81,18 @@ fn kernels(c: &mut Criterion) {
         let weights: Vec<f32> = (0..READOUTS).map(|t| t as f32 / READOUTS as f32).collect();
         let [from, to] = [&frames[0], &frames[READOUTS / 2]].map(|f| Samples::U8(f));
         let way = [Segment { readouts: READOUTS, light: Light::Between { from, to, weights: &weights } }];
-        for (name, segments) in [("held", &held[..]), ("new-frame", &new[..]), ("between", &way[..])] {
+        let few = |readouts| -> Vec<_> {
+            let all = frames.iter().take(READOUTS / readouts);
+            all.map(|f| Segment { readouts, light: light(f) }).collect()
+        };
+        for (name, segments) in [
+            ("held", &held[..]),
+            ("held-16", &few(16)),
+            ("held-8", &few(8)),
+            ("held-4", &few(4)),
+            ("new-frame", &new[..]),
+            ("between", &way[..]),
+        ] {
             let expected = run(&plan, Backend::Reference, segments, &mut out);
             let mut group = c.benchmark_group(format!("{noise}/{name}"));
             group.throughput(Throughput::Elements((PIXELS * READOUTS) as u64));

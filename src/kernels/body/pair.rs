@@ -45,19 +45,14 @@ pub(super) fn pair<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA: bool
     }
     let mut first = Held::load::<EXTRA>(l, job, *samples, state, at);
     let mut second = Held::load::<EXTRA>(l, job, *samples, state, at + L::N);
-    let both = [&mut first, &mut second];
-    if both.iter().any(|held| held.needs_fine(l, job)) {
+    if first.needs_fine(l, job) || second.needs_fine(l, job) {
         return false;
     }
-    let quiet = both.iter().all(|held| held.is_quiet(l));
+    let quiet = first.is_quiet(l) && second.is_quiet(l);
+    let free = STORE == SURPLUS && first.stays_below(l) && second.stays_below(l);
+    let both = [&mut first, &mut second];
     let readouts = readouts.clone();
-    match (
-        STORE == SURPLUS
-            && both
-                .iter()
-                .all(|held| stays_below(l, &held.constants, &held.increment, &held.pixels, l.splat(0))),
-        quiet,
-    ) {
+    match (free, quiet) {
         (true, true) => rows::<L, NOISE, FREE, EXTRA, false>(l, job, readouts, at, both, out),
         (true, false) => rows::<L, NOISE, FREE, EXTRA, true>(l, job, readouts, at, both, out),
         (false, true) => rows::<L, NOISE, STORE, EXTRA, false>(l, job, readouts, at, both, out),
@@ -124,6 +119,12 @@ impl<L: Lanes> Held<L> {
     #[inline(always)]
     fn needs_fine(&self, l: L, job: &Job<'_>) -> bool {
         self.increment.any_fine && Fine::new(l, job, self.constants.p, self.light).is_some()
+    }
+
+    /// See [`stays_below`].
+    #[inline(always)]
+    fn stays_below(&self, l: L) -> bool {
+        stays_below(l, &self.constants, &self.increment, &self.pixels, l.splat(0))
     }
 
     /// Whether no pixel has quanta that stray, as in the dark of a camera whose dark current draws none.

@@ -12,6 +12,10 @@ use crate::kernels::{Job, Light, Samples};
 /// Frames of a pass.
 pub(super) const FRAMES: usize = 16;
 
+/// Readouts from which on a held frame is a pass of its own: loading constants and state again is then little, and what
+/// is known of the light holds for all of its readouts.
+const LONG: usize = 8;
+
 /// A run of readouts that is taken to its end for every vector in turn.
 pub(super) struct Pass<'a> {
     pub segments: &'a [(Range<usize>, Light<'a>)],
@@ -61,14 +65,25 @@ pub(super) struct Row<'a> {
 /// The passes of a batch.
 pub(super) fn passes<'a>(job: &Job<'a>) -> impl Iterator<Item = Pass<'a>> + use<'a> {
     let (all, tile) = (job.batch.segments(), job.pixels());
-    (0..all.len()).step_by(FRAMES).map(move |first| {
-        let end = all.len().min(first + FRAMES);
-        let segments = &all[first..end];
+    let mut first = 0;
+    std::iter::from_fn(move || {
+        let segments = start(&all[first..])?;
+        first += segments.len();
         // Behind the last pass comes the first of the next tile.
-        let (next, further) = if end < all.len() { (end, 0) } else { (0, tile) };
+        let (next, further) = if first < all.len() { (first, 0) } else { (0, tile) };
         let next = (&all[next..all.len().min(next + FRAMES)], further);
-        Pass { segments, single: single(segments), next }
+        Some(Pass { segments, single: single(segments), next })
     })
+}
+
+/// The first pass of what is left.
+fn start<'a>(left: &'a [(Range<usize>, Light<'a>)]) -> Option<&'a [(Range<usize>, Light<'a>)]> {
+    let long = |(readouts, light): &(Range<usize>, Light<'_>)| {
+        matches!(light, Light::Held(_)) && readouts.len() >= LONG
+    };
+    let alone = long(left.first()?);
+    let end = if alone { 1 } else { left.iter().position(long).unwrap_or(left.len()).min(FRAMES) };
+    Some(&left[..end])
 }
 
 /// The frames of `segments`, one each, where they are held and of this kind.

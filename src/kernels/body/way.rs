@@ -35,10 +35,10 @@ struct Vector<L: Lanes> {
 type Line<L> = [<L as Lanes>::Float; 2];
 
 impl<'a> Ways<'a> {
-    /// Nothing where all frames are held, where something bends their light, and where increments have to be clipped.
+    /// Nothing for a single held frame, where something bends the light, and where increments have to be clipped.
     pub fn of(job: &Job<'_>, pass: &Pass<'a>) -> Option<Self> {
-        let goes = pass.segments.iter().any(|(_, light)| matches!(light, Light::Between { .. }));
-        if !goes || job.plan.moving().is_some() || job.plan.rules().clip {
+        let held = matches!(pass.segments, [(_, Light::Held(_))]);
+        if held || job.plan.moving().is_some() || job.plan.rules().clip {
             return None;
         }
         let mut ends = [[0.0; 2]; FRAMES];
@@ -81,11 +81,14 @@ impl<'a> Ways<'a> {
     /// those of a larger weight, so that light at the least and at the greatest weight has all others between.
     #[inline(always)]
     fn is_bright<L: Lanes>(&self, l: L, job: &Job<'_>, c: &Constants<L>) -> bool {
-        self.segments.iter().zip(&self.ends).all(|((_, light), ends)| {
+        // Loops and no closures: a closure that is called runs without the instructions of its caller.
+        let mut least = l.splat_f(f32::MAX);
+        for ((_, light), [low, high]) in self.segments.iter().zip(&self.ends) {
             let line = line(l, light, c.p);
-            let [low, high] = ends.map(|weight| at_weight(l, job, line, weight));
-            !l.any_less_f(l.min_f(low, high), c.whole_from)
-        })
+            least = l.min_f(least, at_weight(l, job, line, *low));
+            least = l.min_f(least, at_weight(l, job, line, *high));
+        }
+        !l.any_less_f(least, c.whole_from)
     }
 }
 
@@ -126,7 +129,7 @@ fn rows<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA: bool>(
     out: &mut [u8],
 ) {
     let constants = [&first.constants, &second.constants];
-    let [one, other] = constants.map(|c| line(l, light, c.p));
+    let (one, other) = (line(l, light, first.constants.p), line(l, light, second.constants.p));
     let weights = if let Light::Between { weights, .. } = light { weights } else { &[][..] };
     let mut weights = weights.iter();
     for row in Rows::new(job, readouts.clone(), out) {
