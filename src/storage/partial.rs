@@ -142,10 +142,40 @@ fn link_then_unlink(hidden: &Path, path: &Path) -> Result<()> {
     match fs::hard_link(hidden, path) {
         Ok(()) => fs::remove_file(hidden).map_err(|e| Error::io(hidden.display(), e)),
         Err(e) if e.kind() == ErrorKind::AlreadyExists => Err(exists(path)),
-        Err(e) => Err(Error::io(path.display(), e).remedy(
-            "this file system can neither rename without replacing nor link; allow overwriting (--force)",
-        )),
+        Err(e) if matches!(e.kind(), ErrorKind::PermissionDenied | ErrorKind::Unsupported) => {
+            look_then_rename(hidden, path)
+        }
+        Err(e) => Err(Error::io(path.display(), e)),
     }
+}
+
+/// For file systems that can neither (exFAT): a look and a rename, one process at a time. A program that is not this one
+/// and makes the same name between the two loses its file.
+fn look_then_rename(hidden: &Path, path: &Path) -> Result<()> {
+    let io = |e| Error::io(path.display(), e);
+    let folder = File::open(directory(path)).map_err(io)?;
+    lock(&folder).map_err(io)?;
+    refuse_existing(path, false)?;
+    fs::rename(hidden, path).map_err(io)
+}
+
+/// Waits for the lock of a folder, which goes with `folder`; where there are no locks, there is none.
+#[cfg(unix)]
+fn lock(folder: &File) -> std::io::Result<()> {
+    use rustix::fs::{FlockOperation, flock};
+    use rustix::io::Errno;
+    loop {
+        match flock(folder, FlockOperation::LockExclusive) {
+            Err(Errno::INTR) => {}
+            Ok(()) | Err(Errno::NOLCK | Errno::NOSYS | Errno::OPNOTSUPP) => return Ok(()),
+            Err(e) => return Err(e.into()),
+        }
+    }
+}
+
+#[cfg(not(unix))]
+fn lock(_: &File) -> std::io::Result<()> {
+    Ok(())
 }
 
 #[cfg(test)]
@@ -164,5 +194,37 @@ mod tests {
         link_then_unlink(&hidden, &path).unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
         assert!(!hidden.exists());
+    }
+
+    #[test]
+    fn without_links_either_a_file_that_is_there_stays() {
+        let dir = tempfile::tempdir().unwrap();
+        let (hidden, path) = (dir.path().join(".new"), dir.path().join("old"));
+        fs::write(&hidden, "new").unwrap();
+        fs::write(&path, "old").unwrap();
+        assert_eq!(look_then_rename(&hidden, &path).unwrap_err().kind(), Kind::Exists);
+        assert_eq!((fs::read(&path).unwrap(), fs::read(&hidden).unwrap()), (b"old".to_vec(), b"new".to_vec()));
+        fs::remove_file(&path).unwrap();
+        look_then_rename(&hidden, &path).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert!(!hidden.exists());
+    }
+
+    /// Eight that see a free name at once: one gets it, and no file is lost.
+    #[test]
+    fn without_links_one_of_many_threads_gets_the_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("name");
+        let won = std::thread::scope(|scope| {
+            let all: Vec<_> = (0..8)
+                .map(|k| {
+                    let (hidden, path) = (dir.path().join(format!(".{k}")), &path);
+                    fs::write(&hidden, k.to_string()).unwrap();
+                    scope.spawn(move || look_then_rename(&hidden, path).is_ok())
+                })
+                .collect();
+            all.into_iter().map(|t| t.join().unwrap()).filter(|won| *won).count()
+        });
+        assert_eq!((won, fs::read_dir(dir.path()).unwrap().count()), (1, 8));
     }
 }
