@@ -111,19 +111,37 @@ pub fn stats(folder: &Path) -> Result<Stats> {
     Ok(stats)
 }
 
-/// Middle and share of each of some bins between the least and the greatest value; none where all are one.
+/// Fewest values that a histogram says more of than the five numbers of a [`Spread`].
+const HISTOGRAM: usize = 25;
+
+/// Middle and share of each bin between the least and the greatest value, about as many bins as the root of the values; none
+/// of few values, and none where all are one.
 fn histogram(values: &[f64]) -> Option<Vec<(f64, f64)>> {
-    const BINS: usize = 24;
+    const MOST: usize = 24;
     let finite = || values.iter().copied().filter(|v| v.is_finite());
     let (low, high) = (finite().min_by(f64::total_cmp)?, finite().max_by(f64::total_cmp)?);
-    let width = (high - low) / BINS as f64;
-    if width <= 0.0 || !width.is_finite() {
+    let of = finite().count();
+    let bins = of.isqrt().min(MOST);
+    let width = (high - low) / bins as f64;
+    if of < HISTOGRAM || width <= 0.0 || !width.is_finite() {
         return None;
     }
-    let mut counts = [0u64; BINS];
-    finite().for_each(|v| counts[(((v - low) / width) as usize).min(BINS - 1)] += 1);
-    let of = finite().count() as f64;
-    Some((0..BINS).map(|i| (low + (i as f64 + 0.5) * width, counts[i] as f64 / of)).collect())
+    let mut counts = vec![0u64; bins];
+    finite().for_each(|v| counts[(((v - low) / width) as usize).min(bins - 1)] += 1);
+    let share = |count: &u64| *count as f64 / of as f64;
+    Some(counts.iter().enumerate().map(|(i, n)| (low + (i as f64 + 0.5) * width, share(n))).collect())
+}
+
+/// A number for people: whole ones as they are, others with four digits that count.
+#[must_use]
+pub fn number(value: f64) -> String {
+    if value.fract() == 0.0 && value.abs() < 1e15 {
+        return format!("{value}");
+    }
+    let before = value.abs().log10().floor().max(-9.0) as i32;
+    let after = usize::try_from(3 - before).unwrap_or(0);
+    let text = format!("{value:.after$}");
+    if after == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').to_owned() }
 }
 
 impl Stats {
@@ -147,7 +165,7 @@ impl Stats {
         add("rate, spikes a readout", Some(sidecar.stream.mean_rate));
         add("rate without noise, spikes a readout", sidecar.clean.as_ref().map(|c| c.mean_rate));
         add("readouts", Some(sidecar.readouts as f64));
-        add("bytes", Some(record.bytes() as f64));
+        add("size, MB", Some(record.bytes() as f64 / 1e6));
         for (name, key) in [
             ("motion, pixels a readout at most", "max_px_per_readout"),
             ("white, cd/m2", "white_cd_m2"),
@@ -178,11 +196,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_histogram_shares_out_finite_values_and_there_is_none_of_one_value() {
-        let bins = histogram(&[0.0, 1.0, 24.0, f64::NAN]).unwrap();
-        assert_eq!((bins[0], bins[1].1, bins[23].1), ((0.5, 1.0 / 3.0), 1.0 / 3.0, 1.0 / 3.0));
-        assert_eq!(histogram(&[3.0, 3.0]), None);
+    fn a_histogram_shares_out_finite_values_and_there_is_none_of_few_or_of_one() {
+        let values: Vec<f64> = (0..100).map(f64::from).chain([f64::NAN]).collect();
+        let bins = histogram(&values).unwrap();
+        assert_eq!((bins.len(), bins[0].0, bins[0].1, bins[9].1), (10, 4.95, 0.1, 0.1));
+        assert_eq!(histogram(&values[..HISTOGRAM - 1]), None);
+        assert_eq!(histogram(&[3.0; 2 * HISTOGRAM]), None);
         assert_eq!(histogram(&[f64::NAN]), None);
+    }
+
+    #[test]
+    fn numbers_for_people_have_four_digits_that_count() {
+        let said = [3.0, 20000.0, 307.071, 0.021_812, -13.06621, 0.000_012_345, 20_000.4].map(number);
+        assert_eq!(said, ["3", "20000", "307.1", "0.02181", "-13.07", "0.00001234", "20000"]);
     }
 
     #[test]

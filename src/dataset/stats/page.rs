@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::Stats;
+use super::{Stats, number};
 use crate::error::{Error, Result};
 use crate::report::{Curve, Part, Table, bars, page, picture};
 
@@ -13,8 +13,11 @@ use crate::report::{Curve, Part, Table, bars, page, picture};
 pub fn html(name: &str, stats: &Stats) -> Result<String> {
     let sequences: u64 = stats.splits.values().sum();
     let mut parts = vec![Part::text(format!(
-        "{sequences} sequences, {} readouts, {} bytes; {} set aside. Digest {}.",
-        stats.readouts, stats.bytes, stats.set_aside, stats.digest
+        "{sequences} sequences, {} readouts, {} MB; {} set aside. Digest {}.",
+        stats.readouts,
+        number(stats.bytes as f64 / 1e6),
+        stats.set_aside,
+        stats.digest
     ))];
     for (heading, head, counts) in [
         ("Splits", ["split", "sequences"], &stats.splits),
@@ -35,14 +38,14 @@ pub fn html(name: &str, stats: &Stats) -> Result<String> {
     parts.push(Part::heading("Quantities"));
     let mut table = Table::new(&["quantity", "count", "least", "10 %", "median", "90 %", "greatest"]);
     for (name, s) in &stats.quantities {
-        let number = |v: f64| format!("{v:.4}").trim_end_matches('0').trim_end_matches('.').to_owned();
         let cells = [s.least, s.tenth, s.median, s.ninth, s.greatest].map(number);
         table.row([name.clone(), s.count.to_string()].into_iter().chain(cells));
     }
     parts.push(Part::Table(table));
     for (name, points) in &stats.histograms {
         let shares = Curve { name: "share", points: points.clone() };
-        parts.push(Part::figure(bars(name, name, &[shares])?, format!("How {name} is distributed.")));
+        let of = stats.quantities.get(name).map_or(0, |s| s.count);
+        parts.push(Part::figure(bars(name, name, &[shares])?, format!("Shares of {of} values.")));
     }
     page(&format!("Dataset {name}"), &parts)
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use crate::cli::shared::output::Out;
-use crate::dataset::stats::{Stats, html, stats};
+use crate::dataset::stats::{Stats, html, number, stats};
 use crate::{Error, Kind, Result, storage};
 
 /// Say what a dataset holds: splits, light, cameras, rates, motion, boxes
@@ -58,7 +58,8 @@ fn text(stats: &Stats) -> String {
     }
     text += &format!("{:<40}{:>12}{:>12}{:>12}\n", "", "least", "median", "greatest");
     for (name, s) in &stats.quantities {
-        text += &format!("{name:<40}{:>12.4}{:>12.4}{:>12.4}\n", s.least, s.median, s.greatest);
+        let [least, median, greatest] = [s.least, s.median, s.greatest].map(number);
+        text += &format!("{name:<40}{least:>12}{median:>12}{greatest:>12}\n");
     }
     text + &format!("digest {}\n", stats.digest)
 }
