@@ -381,10 +381,10 @@ fn a_bend_that_all_pixels_share_is_said_and_held_by_the_error_of_the_gain() {
 /// Pixels of 0.1 spikes a readout at phases that share nothing, whose rate rises by `rise` from the first half to the second.
 fn counted(rise: f64) -> spikelane::calibrate::Level {
     let phase = |p: u32| f64::from(p) * 0.618_033_988_749_895 % 1.0;
-    let half = |p: u32, rate: f64| (1000.0 * rate + phase(p) + 0.37 * f64::from(p) % 1.0).floor() as u32;
+    let half = |p: u32, rate: f64| (10_000.0 * rate + phase(p) + 0.37 * f64::from(p) % 1.0).floor() as u32;
     let early: Vec<u32> = (0..400).map(|p| half(p, 0.1)).collect();
     let spikes = (0..400).map(|p| early[p as usize] + half(p + 1000, 0.1 * (1.0 + rise))).collect();
-    spikelane::calibrate::Level::from_counts("flat.dat", 0.1, 2000, spikes, &[1; 400], &[1999; 400])
+    spikelane::calibrate::Level::from_counts("flat.dat", 0.1, 20_000, spikes, &[1; 400], &[19_999; 400])
         .with_first_half(&early)
 }
 
@@ -403,6 +403,20 @@ fn a_few_pixels_that_blink_are_no_lamp() {
     let early: Vec<u32> = level.spikes.iter().zip(0..).map(|(n, p)| (n + p % 2) / 2).collect();
     level.spikes[..8].iter_mut().for_each(|n| *n += 60);
     assert!(!level.with_first_half(&early).drifts());
+}
+
+/// Pixels that all begin empty lack half a spike in the first half: 0.5 % of 100, and no lamp.
+#[test]
+fn a_common_start_is_no_drift() {
+    let half =
+        |empty: f64, p: u32| (100.0 + empty + f64::from(p) * 0.618_033_988_749_895 % 1.0).floor() as u32;
+    let early: Vec<u32> = (0..400).map(|p| half(-0.49, p)).collect();
+    let spikes = (0..400).map(|p| early[p as usize] + half(0.0, p + 1000)).collect();
+    let level =
+        spikelane::calibrate::Level::from_counts("flat.dat", 0.1, 2000, spikes, &[9; 400], &[1999; 400])
+            .with_first_half(&early);
+    let change = level.change.unwrap();
+    assert!(change.value > 5.0 * change.error && !level.drifts(), "{change:?}");
 }
 
 #[test]
