@@ -13,6 +13,8 @@ mod scene;
 mod scene_page;
 mod steady;
 
+pub(crate) use steady::steady;
+
 pub use areas::Area;
 pub use grey::{CameraDistance, Floor, GreyComparison, grey_levels};
 pub use realism::{Auc, Part, Realism, RealismOptions, RealismRow, Tell, Window, realism};

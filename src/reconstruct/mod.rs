@@ -6,12 +6,18 @@
 //! span ([`span`], as steady as the light, blurred like TFP). Rates are in spikes per
 //! readout, so 1.0 is one nominal threshold per readout whatever the camera.
 
+mod detail;
 mod intervals;
 mod noise;
 mod quality;
 mod span;
 mod window;
 
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use detail::{Detail, Reference, aligned_psnr, blurred, detail};
+#[cfg(not(feature = "internals"))]
+pub(crate) use detail::{Detail, Reference, blurred, detail};
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub use intervals::isi_map;

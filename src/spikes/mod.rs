@@ -134,6 +134,16 @@ impl<'a> Packed<'a> {
         self.bytes
     }
 
+    /// Some of its readouts.
+    ///
+    /// # Panics
+    /// When they lie beyond the end.
+    #[must_use]
+    pub(crate) fn part(self, readouts: std::ops::Range<usize>) -> Self {
+        let frame = self.geometry.frame_bytes();
+        Self { bytes: &self.bytes[readouts.start * frame..readouts.end * frame], ..self }
+    }
+
     /// The packed frame of one readout.
     ///
     /// # Panics

@@ -203,7 +203,10 @@ mod tests {
         fs::write(&hidden, "new").unwrap();
         fs::write(&path, "old").unwrap();
         assert_eq!(look_then_rename(&hidden, &path).unwrap_err().kind(), Kind::Exists);
-        assert_eq!((fs::read(&path).unwrap(), fs::read(&hidden).unwrap()), (b"old".to_vec(), b"new".to_vec()));
+        assert_eq!(
+            (fs::read(&path).unwrap(), fs::read(&hidden).unwrap()),
+            (b"old".to_vec(), b"new".to_vec())
+        );
         fs::remove_file(&path).unwrap();
         look_then_rename(&hidden, &path).unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");

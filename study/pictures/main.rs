@@ -3,23 +3,25 @@
 //! `cargo run --release --example study-pictures -- [PAGE]` prints the tables, or writes them between the marks of PAGE. Recordings
 //! of real cameras are read from the folder that `SPIKELANE_REAL_DATA` names; without it that table is left as it is.
 
+mod detailed;
 mod real;
 mod score;
 mod simulated;
 
-use score::Row;
-
 fn main() {
     let page = std::env::args().nth(1);
-    put(page.as_deref(), "simulated", &simulated::rows());
-    match std::env::var_os("SPIKELANE_REAL_DATA") {
-        Some(folder) => put(page.as_deref(), "real", &real::rows(folder.as_ref())),
-        None => eprintln!("skipped: the real recordings, since SPIKELANE_REAL_DATA is unset"),
-    }
+    let page = page.as_deref();
+    put(page, "simulated", &score::table(&simulated::rows()));
+    let folder = std::env::var_os("SPIKELANE_REAL_DATA");
+    let Some(folder) = folder.as_deref().map(std::path::Path::new) else {
+        eprintln!("skipped: the real recordings and the table of detail, since SPIKELANE_REAL_DATA is unset");
+        return;
+    };
+    put(page, "real", &score::table(&real::rows(folder)));
+    put(page, "detail", &detailed::table(folder));
 }
 
-fn put(page: Option<&str>, name: &str, rows: &[Row]) {
-    let table = score::table(rows);
+fn put(page: Option<&str>, name: &str, table: &str) {
     let Some(page) = page else {
         println!("{table}");
         return;

@@ -20,7 +20,7 @@ pub(crate) fn mean_of_others(packed: Packed, used: Range<usize>) -> Vec<f32> {
 }
 
 /// The scene stands still in these rows of the static recording.
-const STILL: Range<usize> = 100..180;
+pub(crate) const STILL: Range<usize> = 100..180;
 
 pub(crate) fn rows(folder: &Path) -> Vec<Row> {
     let size = Geometry::new(400, 250).unwrap();

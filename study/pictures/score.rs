@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::ops::Range;
 
 use spikelane::Packed;
-use spikelane::reconstruct::{psnr, span, tfi_at, tfp};
+use spikelane::reconstruct::{aligned_psnr, span, tfi_at, tfp};
 
 /// Windows in readouts.
 pub(crate) const WINDOWS: [usize; 4] = [11, 21, 41, 161];
@@ -30,7 +30,8 @@ pub(crate) fn row(
 ) -> Row {
     let at = packed.readouts() / 2;
     let near = |half: usize| at.saturating_sub(half)..(at + half + 1).min(packed.readouts());
-    let score = |rates: &[f32], truth: &[f32]| aligned_psnr(&rates[area.clone()], &truth[area.clone()]);
+    let score =
+        |rates: &[f32], truth: &[f32]| aligned_psnr(&rates[area.clone()], &truth[area.clone()]).unwrap();
     let fits = |window: usize| window <= packed.readouts();
     let by = |make: fn(Packed, usize, usize) -> spikelane::Result<Vec<f32>>| {
         WINDOWS.map(|w| {
@@ -41,28 +42,6 @@ pub(crate) fn row(
     let tfi = tfi_at(packed, at, SEARCH).unwrap();
     let of_interval = tfi.is_measurable().then(|| score(&tfi.rates, &truth(near(20))));
     Row { name: name.to_owned(), tfp: by(tfp), span: by(span), tfi: of_interval }
-}
-
-/// PSNR after the line of least squares from picture to truth; the peak is what one pixel in 1,000 of the truth exceeds.
-fn aligned_psnr(rates: &[f32], truth: &[f32]) -> f64 {
-    let n = rates.len() as f64;
-    let mean = |v: &[f32]| v.iter().map(|x| f64::from(*x)).sum::<f64>() / n;
-    let (mean_r, mean_t) = (mean(rates), mean(truth));
-    let (mut square, mut product) = (0.0, 0.0);
-    for (r, t) in rates.iter().zip(truth) {
-        square += (f64::from(*r) - mean_r).powi(2);
-        product += (f64::from(*r) - mean_r) * (f64::from(*t) - mean_t);
-    }
-    let gain = if square > 0.0 { product / square } else { 0.0 };
-    let line = |r: &f32| (mean_t + gain * (f64::from(*r) - mean_r)) as f32;
-    let fitted: Vec<f32> = rates.iter().map(line).collect();
-    psnr(&fitted, truth, f64::from(peak(truth))).unwrap()
-}
-
-pub(crate) fn peak(truth: &[f32]) -> f32 {
-    let mut sorted = truth.to_vec();
-    sorted.sort_by(f32::total_cmp);
-    sorted[sorted.len() - 1 - sorted.len() / 1000]
 }
 
 pub(crate) fn table(rows: &[Row]) -> String {

@@ -84,6 +84,17 @@ fn near(name: &str, camera: &Camera, range: (f32, f32)) -> Row {
     row(name, packed, 0..geometry.pixels(), &|used| super::real::mean_of_others(packed, used))
 }
 
+pub(crate) fn geometry() -> Geometry {
+    Geometry::new(SIDE.0, SIDE.1).unwrap()
+}
+
+/// Streams of light that stands still, and the light: without noise, of `physical` by day, and of it in a tenth of the light.
+pub(crate) fn still_scenes() -> [(Vec<u8>, Vec<f32>); 3] {
+    let (day, dim) = ((0.05, 0.45), (0.005, 0.045));
+    let of = |camera: &Camera, range| (stream(camera, range, 0.0, LONG), light(geometry(), range, 0.0));
+    [of(&silent(), day), of(&physical(), day), of(&physical(), dim)]
+}
+
 pub(crate) fn rows() -> Vec<Row> {
     let (day, dim) = ((0.05, 0.45), (0.005, 0.045));
     let mut rows = vec![

@@ -93,6 +93,32 @@ fn the_sidecar_says_how_the_image_of_a_run_was_read() {
     assert_eq!(told["clear"]["transfer"], "srgb");
 }
 
+/// Integrators without noise: beside the picture of the other readouts, or the light itself, a count is sharp and a blur of it is not.
+#[test]
+fn a_blur_is_told_by_its_detail() {
+    let place = Place::new();
+    let (codes, _) = field(&place, 240);
+    let fine: Vec<u8> =
+        codes.iter().enumerate().map(|(p, c)| c / 2 + 60 * ((p * 7919) % 97 % 2) as u8).collect();
+    image::GrayImage::from_raw(96, 64, fine).unwrap().save(place.path("fine.png")).unwrap();
+    let line =
+        "simulate fine.png --transfer linear --camera physical --width 96 --height 64 --readouts 300 -o f";
+    place.good(line);
+    for beside in ["--still", "--clear fine.png --clear-transfer linear"] {
+        let told = place.good(&format!("evaluate f.dat {beside} --window 41 --json")).events().pop().unwrap();
+        let of = |name: &str, key: &str| named(&told, name)["marks"][key].as_f64().unwrap();
+        let [sharp, soft] = ["tfp 41", "tfp 41 blurred"].map(|name| of(name, "detail_slope"));
+        assert!((sharp - 1.0).abs() < 0.05 && soft < 0.5, "{beside}: {sharp} {soft}");
+        let [count, span] = ["tfp 41", "span 41"].map(|name| of(name, "high_pass_noise"));
+        assert!(span < 0.6 * count, "{beside}: {count} {span}");
+        assert!(of("span 41", "aligned_psnr_db") > of("tfp 41 blurred", "aligned_psnr_db"), "{told}");
+    }
+    let text = place.good("evaluate f.dat --still").stdout;
+    assert!(text.contains("still scene: ") && text.contains("beside the truth"), "{text}");
+    place.refused("evaluate f.dat --still --at 3", 2, &["--at"]);
+    place.refused("evaluate f.dat --still --clear fine.png", 2, &["--clear"]);
+}
+
 #[test]
 fn tfi_at_the_ends_of_a_stream_is_not_measurable() {
     let place = Place::new();
@@ -125,7 +151,7 @@ fn a_set_averages_no_tfi_that_it_cannot_measure() {
     let place = Place::new();
     place.good("dataset --kind tiny --sequences 2 --images 6 --label-every 0 --width 64 --height 40 -o set");
     let text = place.good("evaluate set --window 5").stdout;
-    assert_eq!(text.matches("tfi          not measurable in any of them").count(), 2, "{text}");
+    assert_eq!(text.matches("tfi            not measurable in any of them").count(), 2, "{text}");
     assert!(text.contains("span 5"), "{text}");
 }
 

@@ -1,6 +1,6 @@
 //! What is said of a picture, as numbers that are always finite.
 
-use crate::reconstruct::{difference_noise, patch_noise, psnr, ssim};
+use crate::reconstruct::{Detail, Reference, detail, difference_noise, patch_noise, psnr, ssim};
 use crate::{Geometry, Result};
 use serde_json::{Map, Value, json};
 
@@ -66,17 +66,29 @@ pub(crate) struct Marks {
     patch: Option<f64>,
     difference: Option<f64>,
     mean: f64,
+    /// Beside a reference; none where a picture is flat.
+    detail: Option<Detail>,
 }
 
-pub(crate) const HEADER: &str = "picture      PSNR, dB    SSIM patches, % differences, %  SNR, dB\n";
+/// The head of the second table.
+pub(crate) const DETAIL: &str = "beside the truth  aligned, dB  detail   noise, %  stand out\n";
+
+pub(crate) const HEADER: &str = "picture        PSNR, dB    SSIM patches, % differences, %  SNR, dB\n";
 
 impl Marks {
-    pub(crate) fn of(rates: &[f32], geometry: Geometry, truth: Option<&Truth>) -> Result<Self> {
+    pub(crate) fn of(
+        rates: &[f32],
+        geometry: Geometry,
+        truth: Option<&Truth>,
+        reference: Option<&Reference>,
+    ) -> Result<Self> {
         let mut marks = Self {
             // Both refuse small pictures and nothing else here: then there is no estimate.
             patch: patch_noise(rates, geometry).ok(),
             difference: difference_noise(rates, geometry).ok(),
             mean: rates.iter().map(|r| f64::from(*r)).sum::<f64>() / rates.len() as f64,
+            // Nothing else is refused here than what is flat, or too small.
+            detail: reference.and_then(|reference| detail(rates, reference, geometry).ok()),
             ..Self::default()
         };
         if let Some(truth) = truth {
@@ -109,7 +121,13 @@ impl Marks {
                 all.insert(key.to_owned(), json!(value));
             }
         }
-        for (key, value) in [("psnr_db", self.psnr), ("snr_db", self.snr())] {
+        if let Some(found) = &self.detail {
+            all.insert("detail_slope".to_owned(), json!(found.slope));
+            all.insert("high_pass_noise".to_owned(), json!(found.noise));
+            all.insert("outliers".to_owned(), json!(found.outliers));
+        }
+        let aligned = self.detail.map(|d| Decibels::of(d.aligned_psnr_db));
+        for (key, value) in [("psnr_db", self.psnr), ("snr_db", self.snr()), ("aligned_psnr_db", aligned)] {
             if let Some(value) = value {
                 value.insert(key, &mut all);
             }
@@ -122,13 +140,25 @@ impl Marks {
         let decibels = |v: Option<Decibels>| v.map_or("-".into(), Decibels::text);
         let percent = |v| self.share(v).map(|share| 100.0 * share);
         format!(
-            "{name:<12} {:>8} {:>7} {:>10} {:>12} {:>8}\n",
+            "{name:<14} {:>8} {:>7} {:>10} {:>12} {:>8}\n",
             decibels(self.psnr),
             number(self.ssim, 4),
             number(percent(self.patch), 3),
             number(percent(self.difference), 3),
             decibels(self.snr()),
         )
+    }
+
+    /// The row of [`DETAIL`]; none without a reference.
+    pub(crate) fn detail_row(&self, name: &str) -> Option<String> {
+        let found = self.detail?;
+        Some(format!(
+            "{name:<17}{:>12} {:>7.3} {:>10.3} {:>10}\n",
+            Decibels::of(found.aligned_psnr_db).text(),
+            found.slope,
+            100.0 * found.noise,
+            found.outliers
+        ))
     }
 
     /// The mean of several, term by term; noise as a share of its picture's mean.
@@ -142,6 +172,11 @@ impl Marks {
             patch: average(all.iter().map(|m| m.share(m.patch))),
             difference: average(all.iter().map(|m| m.share(m.difference))),
             mean: 1.0,
+            detail: all
+                .iter()
+                .map(|m| m.detail)
+                .collect::<Option<Vec<_>>>()
+                .and_then(|d| Detail::average(&d)),
         }
     }
 }

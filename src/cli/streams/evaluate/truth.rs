@@ -5,6 +5,7 @@ use std::path::Path;
 use crate::dataset::Record;
 use crate::light::picture::{Linear, read};
 use crate::light::{Transfer, srgb_code};
+use crate::reconstruct::Reference;
 use crate::simulate::Sidecar;
 use crate::{Error, Geometry, Kind, Result};
 use serde_json::Value;
@@ -36,6 +37,11 @@ impl Truth {
     /// The codes that the light of these rates has in the clear image.
     pub(crate) fn codes_of(&self, rates: &[f32]) -> Vec<f32> {
         rates.iter().map(|r| code(self.transfer, r / self.full)).collect()
+    }
+
+    /// The light as the truth of a picture's detail.
+    pub(crate) fn reference(&self) -> Reference {
+        Reference { observed: [self.light.clone(), self.light.clone()], counted: None, is_scene: true }
     }
 
     pub(crate) fn json(&self) -> Value {
