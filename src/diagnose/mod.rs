@@ -26,16 +26,18 @@ pub use answer::diagnosis::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Trac
 pub use answer::page::page;
 pub use answer::pictures::{Picture, Trace};
 pub use lab::fault::{Fault, FaultKind};
+pub use null::first_look::FirstLook;
 pub use null::nameable::Nameable;
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub use null::nameable::SCORE;
 #[cfg(not(feature = "internals"))]
 pub(crate) use null::nameable::SCORE;
-pub use null::reference::{Progress, Reference};
+pub use null::reference::Reference;
+pub use null::watched::Progress;
 pub use protocol::extent::{Extent, Part};
 pub use protocol::recorded_set::Setup;
-pub use run::{Options as DiagnoseOptions, diagnose};
+pub use run::{Options as DiagnoseOptions, diagnose, diagnose_and_tell};
 pub use search::round::Fate;
 pub use statistics::entry::Statistic;
 pub use strengths::{Strengths, strengths};

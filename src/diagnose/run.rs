@@ -15,8 +15,11 @@ use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::given::about::About;
 use crate::diagnose::given::base_model::BaseModel;
 use crate::diagnose::given::taken::{Both, Taken};
-use crate::diagnose::null::reference::{Progress, Reference};
+use crate::diagnose::null::first_look::{First, FirstLook};
+use crate::diagnose::null::reference::Reference;
 use crate::diagnose::null::signature::Signature;
+use crate::diagnose::null::simulated::Begun;
+use crate::diagnose::null::watched::Progress;
 use crate::diagnose::protocol::agreement::{poor, same_protocol};
 use crate::diagnose::protocol::extent::{Extent, Part};
 use crate::diagnose::search::context::{Case, Judge};
@@ -56,6 +59,20 @@ pub fn diagnose(
     options: Options<'_>,
     progress: Progress<'_>,
 ) -> Result<Diagnosis> {
+    diagnose_and_tell(set, holdout, options, progress, &mut |_| {})
+}
+
+/// The same; `first` is told what is seen at first sight, after a third of the time that a set takes in which nothing is found.
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn diagnose_and_tell(
+    set: &RecordingSet,
+    holdout: Option<&RecordingSet>,
+    options: Options<'_>,
+    progress: Progress<'_>,
+    first: &mut dyn FnMut(&FirstLook),
+) -> Result<Diagnosis> {
     let start = Instant::now();
     let still = |r: &calibrate::Recording| matches!(r.light, Light::Scene(Pattern::StaticUnknown {}));
     let alone = set.recordings.is_empty() || set.recordings.iter().any(still);
@@ -65,7 +82,7 @@ pub fn diagnose(
     progress("reading", 0.0);
     let mut diagnosis = match options.reference {
         Some(reference) => shared(sets, parts, held_out, reference, options, progress)?,
-        None => by_itself(sets, parts, held_out, options, progress)?,
+        None => by_itself(sets, parts, held_out, options, progress, first)?,
     };
     diagnosis.seconds = start.elapsed().as_secs_f64();
     Ok(diagnosis)
@@ -112,6 +129,7 @@ fn by_itself(
     held_out: Held,
     options: Options<'_>,
     progress: Progress<'_>,
+    first: &mut dyn FnMut(&FirstLook),
 ) -> Result<Diagnosis> {
     let both = Both::read(sets, parts, options.extent)?;
     same_protocol(&both.fitted.setup, &both.judging.setup)?;
@@ -133,10 +151,10 @@ fn by_itself(
         let about = Some(about(None));
         return Ok(Diagnosis { about, ..Diagnosis::stopped(both.faults, camera) });
     }
-    progress("calibrating", 0.0);
-    let base = BaseModel::of(&both.fitted.set, &both.fitted.setup, options.camera)?;
+    progress("calibrating", 0.01);
+    let base = BaseModel::of(&both.fitted, options.camera)?;
     let given = Given::of(&both, parts, held_out);
-    let (reference, found) = given.sets().searched(&base.camera, options, progress)?;
+    let (reference, found) = given.sets().searched(&base.camera, options, progress, first)?;
     let own = options.camera.map(|_| &base.camera);
     let mut diagnosis = given.said(&reference, found, own, progress)?;
     cautious(&mut diagnosis, &reference);
@@ -237,19 +255,21 @@ impl Sets<'_> {
         start: &Camera,
         options: Options<'_>,
         progress: Progress<'_>,
+        first: &mut dyn FnMut(&FirstLook),
     ) -> Result<(Reference, Found)> {
         let setup = self.taken.setup.clone();
-        let camera = match options.camera {
+        let begun = match options.camera {
             // Maps are all spread: what the base cannot hold would bend it.
             Some(_) if !setup.maps => {
-                progress("own numbers", 0.0);
+                progress("own numbers", 0.02);
                 rebased(&setup, start, self.data, options.seed)?
             }
-            _ => start.clone(),
+            _ => Begun::of(start.clone()),
         };
         let library = Catalogue::new();
         let effects = options.effects.unwrap_or(&library);
-        let reference = Reference::with_effects(setup, camera, options.seed, effects, progress)?;
+        let first = First { data: self.data, told: first };
+        let reference = Reference::looked(setup, begun, options.seed, effects, Some(first), progress)?;
         let signatures = with_line(&reference, &self.taken.measured)?;
         let case = self.case(&reference, &signatures);
         let mut found = search(&case, progress)?;

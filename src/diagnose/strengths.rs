@@ -5,7 +5,8 @@ use crate::diagnose::given::base_model::BaseModel;
 use crate::diagnose::given::taken::Both;
 use crate::diagnose::lab::fault::Fault;
 use crate::diagnose::null::nameable::Nameable;
-use crate::diagnose::null::reference::{Progress, Reference};
+use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::watched::Progress;
 use crate::diagnose::protocol::extent::Part;
 use crate::diagnose::run::Options;
 use crate::effects::Catalogue;
@@ -33,7 +34,7 @@ pub struct Strengths {
 pub fn strengths(set: &RecordingSet, options: Options<'_>, progress: Progress<'_>) -> Result<Strengths> {
     progress("reading", 0.0);
     let both = Both::read([set, set], [Part::Whole; 2], options.extent)?;
-    let base = BaseModel::of(&both.fitted.set, &both.fitted.setup, options.camera)?;
+    let base = BaseModel::of(&both.fitted, options.camera)?;
     let library = Catalogue::new();
     let effects = options.effects.unwrap_or(&library);
     let setup = both.fitted.setup;

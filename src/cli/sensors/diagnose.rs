@@ -2,10 +2,12 @@
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
+use std::time::Instant;
 
 use crate::calibrate::RecordingSet;
 use crate::diagnose::{
-    DiagnoseOptions, Diagnosis, Extent, Fault, Nameable, Strengths, Verdict, diagnose, page, strengths,
+    DiagnoseOptions, Diagnosis, Extent, Fault, FirstLook, Nameable, Strengths, Verdict, diagnose_and_tell,
+    page, strengths,
 };
 use crate::error::{Error, Kind, Result};
 use crate::presets;
@@ -15,7 +17,7 @@ use crate::storage::{refuse_existing, write_small};
 use clap::Args as ClapArgs;
 use serde_json::{Value, json};
 
-use crate::cli::shared::output::Out;
+use crate::cli::shared::output::{Out, command_line};
 use crate::cli::shared::progress::Files;
 use crate::cli::shared::stream::warn_of_set;
 
@@ -61,7 +63,9 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     [Some(&set), holdout.as_ref()].into_iter().flatten().try_for_each(|set| warn_of_set(set, out))?;
     let camera = args.camera.as_deref().map(presets::load).transpose()?;
     let extent = if args.everything { Extent::Everything } else { Extent::Enough };
+    let start = Instant::now();
     let mut bar = Files::new(out);
+    let line = bar.clone_of_bar();
     let mut progress = |what: &str, share: f64| bar.step(what, share);
     let options =
         DiagnoseOptions { camera: camera.as_ref(), seed: args.seed, extent, ..DiagnoseOptions::default() };
@@ -70,7 +74,15 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
         drop(bar);
         return out.result(&as_json(&found), &as_text(&found));
     }
-    let mut found = diagnose(&set, holdout.as_ref(), options, &mut progress)?;
+    let mut first = |look: &FirstLook| {
+        let seconds = start.elapsed().as_secs_f64();
+        line.suspend(|| out.say(format_args!("first look ({seconds:.0} s): {}", look.sentence())));
+        // A reader that went away is no reason to stop the work.
+        let _ = out.event(
+            &json!({"event": "first-look", "agrees": look.agrees, "likely": look.likely, "seconds": seconds}),
+        );
+    };
+    let mut found = diagnose_and_tell(&set, holdout.as_ref(), options, &mut progress, &mut first)?;
     drop(bar);
     if let Some(about) = &mut found.about {
         about.set = Some(args.recordings.display().to_string());
@@ -84,7 +96,7 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
 
 /// What was typed, without the folder of the program.
 fn typed() -> String {
-    let words = std::env::args().skip(1);
+    let words = command_line().into_iter().skip(1);
     std::iter::once("spikelane".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 

@@ -108,6 +108,11 @@ impl Files {
         Self { out: *out, bar: ProgressBar::new(1000).with_style(style), said: Instant::now() }
     }
 
+    /// The bar, for what is said beside it.
+    pub(crate) fn clone_of_bar(&self) -> ProgressBar {
+        self.bar.clone()
+    }
+
     /// Now at `file`, with `share` of all work done, 0 to 1.
     pub(crate) fn step(&mut self, file: &str, share: f64) {
         if self.bar.message() != file {

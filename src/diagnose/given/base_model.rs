@@ -3,7 +3,8 @@
 use serde::Serialize;
 
 use crate::calibrate::{self, Calibration, RecordingSet, Redrawn};
-use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::given::negative::kept;
+use crate::diagnose::given::taken::Taken;
 use crate::diagnose::sensors::base::BASE;
 use crate::diagnose::sensors::published::published;
 use crate::diagnose::statistics::quantiles::Spread;
@@ -82,7 +83,8 @@ pub(in crate::diagnose) struct BaseModel {
 
 impl BaseModel {
     /// From the camera that is given, or from the published model with what calibration tells of the set.
-    pub fn of(set: &RecordingSet, setup: &Setup, given: Option<&Camera>) -> Result<Self> {
+    pub fn of(taken: &Taken, given: Option<&Camera>) -> Result<Self> {
+        let Taken { set, setup, measured } = taken;
         let calibration = calibration(set);
         let lamps = calibration.as_ref().map_or_else(|_| Vec::new(), lamps);
         if let Some(given) = given {
@@ -90,7 +92,10 @@ impl BaseModel {
         }
         let camera = published(setup)?;
         match calibration {
-            Ok(c) => Self { camera, numbers: Vec::new(), lamps, notes: Vec::new() }.moved(&c),
+            Ok(c) => {
+                let found = Self { camera, numbers: Vec::new(), lamps, notes: Vec::new() }.moved(&c)?;
+                if kept(setup, &measured.scans) == Some(true) { found.below_zero() } else { Ok(found) }
+            }
             Err(why) => {
                 let numbers = numbers(&camera, NumberSource::Published);
                 let note = format!(
@@ -113,6 +118,17 @@ impl BaseModel {
             );
         }
         Ok(Self { numbers: numbers(&camera, NumberSource::Camera), camera, lamps: Vec::new(), notes })
+    }
+
+    /// With dark currents below zero kept.
+    fn below_zero(mut self) -> Result<Self> {
+        let own = self.camera.effect(dark_current::EFFECT.name).cloned();
+        let own = own.unwrap_or_else(|| dark_current::EFFECT.neutral());
+        self.camera = self.camera.with(own.with("negative", 0.0)?);
+        self.notes.push(
+            "Pixels that are silent in the dark are short of charge in the light, too: dark currents below zero are kept as they are, where the published model takes them as none.".to_owned(),
+        );
+        Ok(self)
     }
 
     /// With what a calibration found, as far as it is sure.

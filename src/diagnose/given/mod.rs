@@ -2,5 +2,6 @@
 
 pub(super) mod about;
 pub(super) mod base_model;
+pub(super) mod negative;
 pub(super) mod phases;
 pub(super) mod taken;

@@ -85,11 +85,26 @@ fn apart(scan: &Scan, readouts: usize) -> usize {
         return most;
     }
     let chance = APART / (rates.len() as f64).sqrt();
-    let together = |t: &usize| mean_length(rates.iter().map(|f| (f * *t as f64).fract())) > chance;
     // Long cycles drift apart slowly: a sixteenth of one is near enough.
     let mean = rates.iter().sum::<f64>() / rates.len() as f64;
     let step = ((1.0 / (16.0 * mean)) as usize).max(1);
-    (0..most).step_by(step).rev().find(together).map_or(0, |t| (t + step).min(most))
+    let last = most.saturating_sub(1) / step * step;
+    let turn = |readouts: usize| -> Vec<[f64; 2]> {
+        let of = |f: &f64| (std::f64::consts::TAU * (f * readouts as f64).fract()).sin_cos();
+        rates.iter().map(of).map(|(sin, cos)| [cos, sin]).collect()
+    };
+    // From the last readout back, each pixel by the turn of one step: a product instead of a sine and a cosine.
+    let (back, mut at) = (turn(step), turn(last));
+    for t in (0..most).step_by(step).rev() {
+        let sum = at.iter().fold([0.0; 2], |sum: [f64; 2], z| [sum[0] + z[0], sum[1] + z[1]]);
+        if sum[0].hypot(sum[1]) / rates.len() as f64 > chance {
+            return (t + step).min(most);
+        }
+        for (z, by) in at.iter_mut().zip(&back) {
+            *z = [z[0] * by[0] + z[1] * by[1], z[1] * by[0] - z[0] * by[1]];
+        }
+    }
+    0
 }
 
 #[cfg(test)]

@@ -1,10 +1,14 @@
 //! What the base model's numbers and the lamps move.
 
+use std::ops::Range;
+use std::sync::atomic::AtomicUsize;
+
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::denoised::quiet;
 use super::mean::average;
+use super::watched::count;
 use crate::diagnose::protocol::recorded_set::LAMP;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::base::number_of;
@@ -33,58 +37,101 @@ pub(in crate::diagnose) fn step(knob: &Knob) -> f64 {
     number_of(knob).map_or(0.2, |number| number.step)
 }
 
-pub(in crate::diagnose) fn base_jacobian(
+/// The base model with the draws of one seed: its vector, and what each lamp moves in it by [`LAMP_STEP`] of its deviations.
+pub(in crate::diagnose) struct Drawn {
+    pub vector: DVector<f64>,
+    pub lamps: Vec<DVector<f64>>,
+}
+
+/// Small, whatever the lamp's deviation is: the lattices of bright intervals turn back soon.
+const LAMP_STEP: f64 = 3.0;
+
+/// Of each lamp only its own recording is simulated again.
+pub(in crate::diagnose) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -> Result<Drawn> {
+    let still = model.sample(&[], &[], setup.scenes.len())?;
+    if model.lamps.is_empty() {
+        let vector = DVector::from_vec(simulate::values(setup, &still, seed)?);
+        return Ok(Drawn { vector, lamps: Vec::new() });
+    }
+    let mut scans = simulate::scans(setup, &still, seed)?;
+    let plain = DVector::from_vec(vector(setup, &scans).values);
+    let mut lamps = Vec::new();
+    for k in &model.lamps {
+        let mut moved = still.clone();
+        moved.lamps[*k] = 1.0 + LAMP_STEP * LAMP;
+        let own = std::mem::replace(&mut scans[*k], simulate::scan_of_recording(setup, &moved, *k, seed)?);
+        lamps.push((DVector::from_vec(vector(setup, &scans).values) - &plain) / LAMP_STEP);
+        scans[*k] = own;
+    }
+    Ok(Drawn { vector: plain, lamps })
+}
+
+/// Changes per standard deviation of each lamp; `all` has those of each simulation.
+pub(in crate::diagnose) fn lamp_columns(
+    all: &[Vec<DVector<f64>>],
+    model: &Model,
+    entries: usize,
+) -> DMatrix<f64> {
+    if model.lamps.is_empty() {
+        return DMatrix::zeros(entries, 0);
+    }
+    let column = |k: usize| average(&all.iter().map(|c| c[k].clone()).collect::<Vec<_>>());
+    DMatrix::from_columns(&(0..model.lamps.len()).map(column).collect::<Vec<_>>()) * (model.lamp / LAMP)
+}
+
+/// Changes by a step of every base number, for the draws of some seeds of which `baseline` has the vectors.
+pub(in crate::diagnose) fn changes(
     setup: &Setup,
     model: &Model,
     seed: u64,
     baseline: &[DVector<f64>],
-    spread: &[f64],
-) -> Result<DMatrix<f64>> {
+    seeds: Range<usize>,
+    done: &AtomicUsize,
+) -> Result<Changes> {
     let n = model.knobs.len();
-    let one = |j: usize| -> Result<DVector<f64>> {
-        let mut u = vec![0.0; n];
-        u[j] = step(&model.knobs[j]);
-        let sample = model.sample(&u, &[], setup.scenes.len())?;
+    let one = |j: usize| -> Result<Vec<DVector<f64>>> {
+        let sample = model.sample(&stepped(model, j), &[], setup.scenes.len())?;
         let change = |i: usize| -> Result<DVector<f64>> {
-            Ok(DVector::from_vec(simulate::values(setup, &sample, seed + i as u64)?) - &baseline[i])
+            let values = simulate::values(setup, &sample, seed + i as u64)?;
+            count(done);
+            Ok(DVector::from_vec(values) - &baseline[i])
         };
-        let all = (0..pairs(setup)).into_par_iter().map(change).collect::<Result<Vec<_>>>()?;
-        Ok(quiet(average(&all), spread, all.len()) / u[j])
+        seeds.clone().into_par_iter().map(change).collect()
     };
-    let columns = (0..n).into_par_iter().map(one).collect::<Result<Vec<_>>>()?;
-    Ok(DMatrix::from_columns(&columns))
+    Ok(Changes((0..n).into_par_iter().map(one).collect::<Result<_>>()?))
 }
 
-/// Changes per standard deviation of each lamp; only its own recording is simulated again.
-pub(in crate::diagnose) fn lamp_columns(
-    setup: &Setup,
-    model: &Model,
-    seed: u64,
-    entries: usize,
-) -> Result<DMatrix<f64>> {
-    let still = model.sample(&[], &[], setup.scenes.len())?;
-    if model.lamps.is_empty() {
-        return Ok(DMatrix::zeros(entries, 0));
+fn stepped(model: &Model, j: usize) -> Vec<f64> {
+    let mut u = vec![0.0; model.knobs.len()];
+    u[j] = step(&model.knobs[j]);
+    u
+}
+
+/// What steps of the base numbers change, by the number and the simulation.
+#[derive(Clone, Debug, Default)]
+pub(in crate::diagnose) struct Changes(Vec<Vec<DVector<f64>>>);
+
+impl Changes {
+    /// Simulations of each.
+    pub fn count(&self) -> usize {
+        self.0.first().map_or(0, Vec::len)
     }
-    // Small, whatever the lamp's deviation is: the lattices of bright intervals turn back soon.
-    let step = 3.0;
-    let change = |i: usize| -> Result<Vec<DVector<f64>>> {
-        let mut scans = simulate::scans(setup, &still, seed + i as u64)?;
-        let plain = DVector::from_vec(vector(setup, &scans).values);
-        let mut columns = Vec::new();
-        for k in &model.lamps {
-            let mut moved = still.clone();
-            moved.lamps[*k] = 1.0 + step * LAMP;
-            let own = std::mem::replace(
-                &mut scans[*k],
-                simulate::scan_of_recording(setup, &moved, *k, seed + i as u64)?,
-            );
-            columns.push((DVector::from_vec(vector(setup, &scans).values) - &plain) / step);
-            scans[*k] = own;
+
+    /// Adds those of further seeds.
+    pub fn extend(&mut self, more: Self) {
+        if self.0.is_empty() {
+            self.0 = more.0;
+            return;
         }
-        Ok(columns)
-    };
-    let all = (0..pairs(setup)).into_par_iter().map(change).collect::<Result<Vec<_>>>()?;
-    let column = |k: usize| average(&all.iter().map(|c| c[k].clone()).collect::<Vec<_>>());
-    Ok(DMatrix::from_columns(&(0..model.lamps.len()).map(column).collect::<Vec<_>>()) * (model.lamp / LAMP))
+        self.0.iter_mut().zip(more.0).for_each(|(own, more)| own.extend(more));
+    }
+
+    /// Changes per unit of every base knob.
+    pub fn jacobian(&self, model: &Model, spread: &[f64]) -> DMatrix<f64> {
+        let column = |(j, all): (usize, &Vec<DVector<f64>>)| {
+            quiet(average(all), spread, all.len()) / step(&model.knobs[j])
+        };
+        let columns: Vec<_> = self.0.iter().enumerate().map(column).collect();
+        if columns.is_empty() { DMatrix::zeros(spread.len(), 0) } else { DMatrix::from_columns(&columns) }
+    }
 }

@@ -88,16 +88,19 @@ pub(in crate::diagnose) fn strays_by(
     signatures: &[&Signature],
 ) -> [f64; 3] {
     let dual = metric.dual(off);
-    let score = |s: &Signature| {
-        let length = metric.square(&s.mean).sqrt();
-        if length > 0.0 { (s.mean.dot(&dual) / length).abs() } else { 0.0 }
-    };
+    let score = |s: &Signature| score_of(metric, &s.mean, &dual);
     let largest = |m: f64, x: f64| m.max(x.abs());
     [
         off.dot(&dual),
         metric.scores(off).into_iter().fold(0.0, largest),
         signatures.iter().map(|s| score(s)).fold(0.0, largest),
     ]
+}
+
+/// How far something lies along `change`, in deviations; `dual` is its dual in `metric`.
+pub(super) fn score_of(metric: &Metric, change: &DVector<f64>, dual: &DVector<f64>) -> f64 {
+    let length = metric.square(change).sqrt();
+    if length > 0.0 { (change.dot(dual) / length).abs() } else { 0.0 }
 }
 
 /// Median and standard deviation.

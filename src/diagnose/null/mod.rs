@@ -2,6 +2,7 @@
 
 pub(super) mod denoised;
 pub(super) mod derivatives;
+pub(super) mod first_look;
 pub(super) mod known;
 pub(super) mod limits;
 pub(super) mod mean;
@@ -10,3 +11,5 @@ pub(super) mod nameable;
 pub(super) mod redraw;
 pub(super) mod reference;
 pub(super) mod signature;
+pub(super) mod simulated;
+pub(super) mod watched;

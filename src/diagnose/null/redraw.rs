@@ -1,9 +1,12 @@
 //! Clean sensors whose calibrated numbers are off as a calibration leaves them.
 
+use std::sync::atomic::AtomicUsize;
+
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::metric::Metric;
+use super::watched::count;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
@@ -12,7 +15,7 @@ use crate::draws::{Seeds, Stream};
 use crate::error::Result;
 
 /// Simulations with the fitted numbers redrawn from their posterior.
-const REDRAWN: usize = 120;
+pub(super) const REDRAWN: usize = 120;
 
 pub(in crate::diagnose) struct Redrawn {
     pub base: DVector<f64>,
@@ -26,6 +29,7 @@ pub(in crate::diagnose) fn redraw(
     model: &Model,
     seed: u64,
     rough: &Metric,
+    done: &AtomicUsize,
 ) -> Result<Vec<Redrawn>> {
     let n = model.knobs.len();
     let root = rough.covariance().cholesky().map_or_else(|| DMatrix::zeros(n, n), |c| c.l());
@@ -38,6 +42,7 @@ pub(in crate::diagnose) fn redraw(
         let lamps = draw(model.lamps.len()) * model.lamp;
         let sample = model.sample(base.as_slice(), lamps.as_slice(), setup.scenes.len())?;
         let vector = DVector::from_vec(simulate::values(setup, &sample, own)?);
+        count(done);
         Ok(Redrawn { base, lamps, vector })
     };
     (0..REDRAWN).into_par_iter().map(one).collect()

@@ -4,13 +4,15 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::derivatives::{base_jacobian, lamp_columns};
+use super::first_look::First;
 use super::known::CALIBRATED;
 use super::limits::{Base, Clean, Limits};
 use super::mean::average;
 use super::metric::{Metric, Noise, noise};
 use super::redraw::{Redrawn, redraw};
-use super::signature::Signature;
+use super::signature::{Signature, changed_by};
+use super::simulated::{Begun, FIXED, STAGES, Simulated};
+use super::watched::{Progress, count, watched};
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::catalogue::{Candidate, candidates, looked_for};
 use crate::diagnose::sensors::model::Model;
@@ -19,9 +21,6 @@ use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::entry::Statistic;
 use crate::effects::{Camera, Catalogue, Definition};
 use crate::error::Result;
-
-/// Simulations at the base model's own numbers.
-const FIXED: usize = 80;
 
 /// Simulations of the half that judges, where one set is cut in two.
 const HALVES: usize = 24;
@@ -57,9 +56,6 @@ pub struct Reference {
     remembered: Remembered,
 }
 
-/// Told what is being done and the share of it that is.
-pub type Progress<'a> = &'a mut dyn FnMut(&str, f64);
-
 impl Reference {
     /// Simulates sensors like `camera` under the protocol of `setup`, and how each effect of this library shows in them.
     ///
@@ -80,40 +76,32 @@ impl Reference {
         effects: &Catalogue,
         progress: Progress<'_>,
     ) -> Result<Self> {
-        let model = Model::base(camera, &setup);
-        let scenes = setup.scenes.len();
-        let still = model.sample(&[], &[], scenes)?;
-        progress("null", 0.0);
-        let statistics = simulate::statistics(&setup, &still, seed)?;
-        let vector = |i: usize| Ok(DVector::from_vec(simulate::values(&setup, &still, seed + i as u64)?));
-        let baseline: Vec<DVector<f64>> = (0..FIXED).into_par_iter().map(vector).collect::<Result<_>>()?;
-        let mean = average(&baseline);
-        progress("null", 0.3);
-        let square = |j: usize| baseline.iter().map(|b| (b[j] - mean[j]).powi(2)).sum::<f64>();
-        let spread: Vec<f64> = (0..mean.len()).map(|j| (square(j) / (FIXED - 1) as f64).sqrt()).collect();
-        let jacobian = base_jacobian(&setup, &model, seed, &baseline, &spread)?;
-        let lamps = lamp_columns(&setup, &model, seed, statistics.len())?;
-        progress("null", 0.5);
-        let floors: Vec<f64> = statistics.iter().map(|s| s.floor).collect();
+        Self::looked(setup, Begun::of(camera), seed, effects, None, progress)
+    }
+
+    /// The same; what was simulated of the camera already is not made again, and `first` is looked at as soon as may be.
+    pub(in crate::diagnose) fn looked(
+        setup: Setup,
+        begun: Begun,
+        seed: u64,
+        effects: &Catalogue,
+        first: Option<First<'_>>,
+        progress: Progress<'_>,
+    ) -> Result<Self> {
+        let model = Model::base(begun.camera.clone(), &setup);
+        let (all, missing) = tried(&setup, &model, effects);
+        let null = Simulated::of(&setup, &model, begun, seed, &all, first, progress)?;
+        let Simulated { statistics, floors, baseline, mean, spread, jacobian, lamps, mut signed } = null;
         let first: Vec<DVector<f64>> = baseline.iter().map(|s| s - &mean).collect();
         let rough = Metric::new(&noise(&first, &floors)?.with_columns(&lamps)?, jacobian.clone());
-        let redrawn = redraw(&setup, &model, seed, &rough)?;
-        progress("null", 0.8);
+        let redrawn =
+            watched(&STAGES.redrawn(), progress, |done| redraw(&setup, &model, seed, &rough, done))?;
         let residual = |d: &Redrawn| &d.vector - &mean - &jacobian * &d.base - &lamps * &d.lamps / model.lamp;
         let mut residuals: Vec<DVector<f64>> = redrawn.iter().map(residual).collect();
         residuals.extend(first);
         let full = noise(&residuals, &floors)?.with_columns(&lamps)?;
         let metric = Metric::new(&full, jacobian.clone());
         let missed = missed(&metric, &redrawn, &mean);
-        let longest = setup.scenes.iter().map(|s| s.skip + s.readouts).max().unwrap_or(1);
-        let mut all = candidates(&model.camera, longest, effects);
-        let mut missing = Vec::new();
-        if setup.only_still() {
-            missing = looked_for(effects);
-            missing.retain(|effect| effect.part_of_a_scene);
-            all.retain(|c| !c.effect.part_of_a_scene);
-        }
-        progress("signatures", 0.8);
         let mut reference = Self {
             clean: Clean::default(),
             setup,
@@ -131,10 +119,14 @@ impl Reference {
             missing,
             remembered: Remembered::default(),
         };
-        let sign = |c: Candidate| reference.signature(c);
-        reference.signatures = all.into_par_iter().map(sign).collect::<Result<_>>()?;
+        signed.resize_with(all.len(), Vec::new);
+        let sign = |(c, known): (Candidate, Vec<DVector<f64>>)| reference.signature_from(c, known);
+        let work: Vec<_> = all.into_iter().zip(signed).collect();
+        reference.signatures = watched(&STAGES.signatures(work.len()), progress, |done| {
+            let one = |work| sign(work).inspect(|_| count(done));
+            work.into_par_iter().map(one).collect::<Result<_>>()
+        })?;
         reference.clean = Clean::of(&redrawn, &residuals, &lamps, &floors, reference.base())?;
-        progress("signatures", 1.0);
         Ok(reference)
     }
 
@@ -158,16 +150,16 @@ impl Reference {
 
     /// How `candidate` shows in a base sensor.
     pub(in crate::diagnose) fn signature(&self, candidate: Candidate) -> Result<Signature> {
-        let mut model = self.model.clone();
-        let zero = vec![0.0; model.knobs.len()];
-        model.knobs.extend(candidate.knobs.iter().copied());
-        let u = [zero.as_slice(), &candidate.at].concat();
-        let sample = model.sample(&u, &[], self.setup.scenes.len())?;
-        let one = |i: usize| {
-            let values = simulate::values(&self.setup, &sample, self.seed + i as u64)?;
-            Ok(DVector::from_vec(values) - &self.baseline[i])
-        };
-        let each = (0..SIGNATURE).into_par_iter().map(one).collect::<Result<Vec<_>>>()?;
+        self.signature_from(candidate, Vec::new())
+    }
+
+    /// The same, where what it changes with the first draws is `known`.
+    fn signature_from(&self, candidate: Candidate, known: Vec<DVector<f64>>) -> Result<Signature> {
+        let change =
+            |i: usize| changed_by(&candidate, &self.setup, &self.model, self.seed, &self.baseline, i);
+        let mut each = known;
+        let more = (each.len()..SIGNATURE).into_par_iter().map(change);
+        each.extend(more.collect::<Result<Vec<_>>>()?);
         Ok(Signature { candidate, mean: average(&each), each })
     }
 
@@ -215,6 +207,19 @@ impl Reference {
             if n < 2 || close { controlled[j] } else { plain[j] }
         })
     }
+}
+
+/// What is tried on a set, and the effects that it cannot show, whatever their strength.
+fn tried(setup: &Setup, model: &Model, effects: &Catalogue) -> (Vec<Candidate>, Vec<&'static Definition>) {
+    let longest = setup.scenes.iter().map(|s| s.skip + s.readouts).max().unwrap_or(1);
+    let mut all = candidates(&model.camera, longest, effects);
+    let mut missing = Vec::new();
+    if setup.only_still() {
+        missing = looked_for(effects);
+        missing.retain(|effect| effect.part_of_a_scene);
+        all.retain(|c| !c.effect.part_of_a_scene);
+    }
+    (all, missing)
 }
 
 /// Statistics that tell one number follow its chance in one sensor together, the spread of 2,304 gains for one. Where the noise

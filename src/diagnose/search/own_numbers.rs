@@ -1,10 +1,13 @@
 //! A camera that is given, and whose own numbers are wrong: they are corrected before anything is added.
 
+use std::sync::atomic::AtomicUsize;
+
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::diagnose::null::derivatives::{base_jacobian, pairs};
+use crate::diagnose::null::derivatives::{Changes, changes};
 use crate::diagnose::null::mean::average;
+use crate::diagnose::null::simulated::{Begun, few_pairs};
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
@@ -41,62 +44,75 @@ struct Place {
     cost: f64,
 }
 
-/// `camera` with its base numbers fitted to `data`.
+/// `camera` with its base numbers fitted to `data`; what was simulated of it on the way serves its reference. A camera of which no
+/// number is off stays as it is.
 pub(in crate::diagnose) fn rebased(
     setup: &Setup,
     camera: &Camera,
     data: &DVector<f64>,
     seed: u64,
-) -> Result<Camera> {
-    let mut best = Place::of(setup, camera.clone(), data, seed)?;
+) -> Result<Begun> {
+    let floors = floors(setup, camera, seed)?;
+    let of = |camera: Camera| Place::of(setup, camera, data, seed, &floors);
+    let mut best = of(camera.clone())?;
     let given = best.model.clone();
-    let mut derivatives = best.derivatives(setup, seed)?;
+    let mut moved = best.changes(setup, seed)?;
+    let mut derivatives = moved.jacobian(&best.model, &best.spread);
     let mut fresh = true;
     for _ in 0..STEPS {
-        let (moved, length) = best.wanted(&derivatives, &given);
-        let camera = best.model.sample(moved.as_slice(), &[], setup.scenes.len())?.camera;
-        let next = Place::of(setup, camera, data, seed)?;
+        let (by, length) = best.wanted(&derivatives, &given);
+        if length < SMALL {
+            break;
+        }
+        let camera = best.model.sample(by.as_slice(), &[], setup.scenes.len())?.camera;
+        let next = of(camera)?;
         let closer = next.cost < best.cost;
         if closer {
             // Columns are per share of a number's own value.
-            for (j, by) in moved.iter().enumerate() {
+            for (j, by) in by.iter().enumerate() {
                 derivatives.column_mut(j).scale_mut(1.0 + by);
             }
-            best = next;
+            (best, moved) = (next, Changes::default());
         }
-        if length < SMALL || (!closer && fresh) {
+        if !closer && fresh {
             break;
         }
-        fresh = !closer || moved.amax() > STALE;
+        fresh = !closer || by.amax() > STALE;
         if fresh {
-            derivatives = best.derivatives(setup, seed)?;
+            moved = best.changes(setup, seed)?;
+            derivatives = moved.jacobian(&best.model, &best.spread);
         }
     }
-    Ok(best.model.camera)
+    Ok(Begun { camera: best.model.camera, each: best.each, changes: moved })
+}
+
+/// What deviations are too small to matter.
+fn floors(setup: &Setup, camera: &Camera, seed: u64) -> Result<Vec<f64>> {
+    let still = Model::base(camera.clone(), setup).sample(&[], &[], setup.scenes.len())?;
+    Ok(simulate::statistics(setup, &still, seed)?.iter().map(|s| s.floor).collect())
 }
 
 impl Place {
-    fn of(setup: &Setup, camera: Camera, data: &DVector<f64>, seed: u64) -> Result<Self> {
+    fn of(setup: &Setup, camera: Camera, data: &DVector<f64>, seed: u64, floors: &[f64]) -> Result<Self> {
         let model = Model::base(camera, setup);
         let still = model.sample(&[], &[], setup.scenes.len())?;
         let one = |i: usize| Ok(DVector::from_vec(simulate::values(setup, &still, seed + i as u64)?));
-        let count = MEAN.max(pairs(setup));
+        let count = MEAN.max(few_pairs(setup));
         let each: Vec<DVector<f64>> = (0..count).into_par_iter().map(one).collect::<Result<_>>()?;
         let mean = average(&each);
         let square = |j: usize| each.iter().map(|v| (v[j] - mean[j]).powi(2)).sum::<f64>();
         let spread: Vec<f64> = (0..mean.len()).map(|j| (square(j) / (count - 1) as f64).sqrt()).collect();
-        let floors = simulate::statistics(setup, &still, seed)?;
-        let sd: Vec<f64> = spread.iter().zip(&floors).map(|(s, f)| s.hypot(f.floor)).collect();
+        let sd: Vec<f64> = spread.iter().zip(floors).map(|(s, f)| s.hypot(*f)).collect();
         let z = DVector::from_fn(mean.len(), |j, _| (data[j] - mean[j]) / sd[j]);
         let huber = |z: &f64| if z.abs() < USUAL { z * z } else { USUAL * (2.0 * z.abs() - USUAL) };
         let cost = z.iter().map(huber).sum();
         Ok(Self { model, each, spread, sd, z, cost })
     }
 
-    /// Entries that are noise count as none: among hundreds they would hide what a number does, and
+    /// What its numbers move: entries that are noise count as none, as among hundreds they would hide what a number does, and
     /// it would not move.
-    fn derivatives(&self, setup: &Setup, seed: u64) -> Result<DMatrix<f64>> {
-        base_jacobian(setup, &self.model, seed, &self.each, &self.spread)
+    fn changes(&self, setup: &Setup, seed: u64) -> Result<Changes> {
+        changes(setup, &self.model, seed, &self.each, 0..few_pairs(setup), &AtomicUsize::new(0))
     }
 
     /// The robust Gauss-Newton step, drawn to the numbers of `given`, and its length in its own deviations. Statistics count as

@@ -8,12 +8,16 @@ use super::round::Round;
 use super::weed::REMAINDER;
 use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::fit::Fit;
-use crate::diagnose::null::reference::Progress;
 use crate::diagnose::null::signature::Signature;
+use crate::diagnose::null::watched::Progress;
 use crate::error::Result;
 
 /// Most effects that are added.
 const ROUNDS: usize = 4;
+
+/// Shares of a diagnosis that are done where a search begins, and where it looks at its names again.
+const BEGIN: f64 = 0.8;
+const AGAIN: f64 = 0.9;
 
 /// Most names that the held-out set may turn down.
 const VETOES: usize = 2;
@@ -103,7 +107,8 @@ pub(in crate::diagnose) fn search(case: &Case<'_>, progress: Progress<'_>) -> Re
     let mut rounds: Vec<Round> = Vec::new();
     let mut turned_down: Vec<&'static str> = Vec::new();
     while at.left && at.fit.effects.len() < ROUNDS && turned_down.len() < VETOES {
-        let tried = (at.fit.effects.len() + turned_down.len()) as f64 / ROUNDS as f64;
+        let rounds_begun = at.fit.effects.len() + turned_down.len();
+        let tried = BEGIN + (AGAIN - BEGIN) * (rounds_begun as f64 / ROUNDS as f64).min(1.0);
         progress("tournament", tried);
         let open: Vec<&Signature> =
             case.signatures.iter().filter(|s| !turned_down.contains(&s.candidate.effect.name)).collect();
@@ -127,7 +132,7 @@ pub(in crate::diagnose) fn search(case: &Case<'_>, progress: Progress<'_>) -> Re
     }
     if at.fit.effects.len() > 1 {
         let kept = at.fit.effects.clone();
-        progress("looking again", 0.9);
+        progress("looking again", AGAIN);
         case.weed(&mut at, &mut rounds)?;
         if at.fit.effects != kept {
             gap("after removal and swaps".to_owned(), &at);
