@@ -112,7 +112,8 @@ fn shared(
     progress: Progress<'_>,
 ) -> Result<Diagnosis> {
     let [fitted, judging] = [0, 1].map(|i| Taken::of(sets[i], parts[i], options.extent, &[]));
-    let both = Both { fitted: fitted?, judging: judging?, aside: Vec::new(), faults: Vec::new() };
+    let both =
+        Both { fitted: fitted?, judging: judging?, aside: Vec::new(), begun_over: None, faults: Vec::new() };
     poor(&both.fitted.setup, options.camera.is_some())?;
     same_protocol(&both.fitted.setup, &both.judging.setup)?;
     same_protocol(&both.fitted.setup, &reference.setup)?;
@@ -152,13 +153,13 @@ fn by_itself(
         return Ok(Diagnosis { about, ..Diagnosis::stopped(both.faults, camera) });
     }
     progress("calibrating", 0.01);
-    let base = BaseModel::of(&both.fitted, options.camera)?;
+    let base = BaseModel::of(&both, options.camera)?;
     let given = Given::of(&both, parts, held_out);
     let (reference, found) = given.sets().searched(&base.camera, options, progress, first)?;
     let own = options.camera.map(|_| &base.camera);
     let mut diagnosis = given.said(&reference, found, own, progress)?;
     cautious(&mut diagnosis, &reference);
-    restore(&mut diagnosis.camera, options.camera);
+    restore(&mut diagnosis.camera, options.camera)?;
     diagnosis.about = Some(about(Some(&base)));
     diagnosis.notes.extend(base.notes);
     Ok(diagnosis)
@@ -174,16 +175,19 @@ fn held_by(held_out: Held) -> String {
 }
 
 /// What stood aside for the search: the camera's maps, and where its recordings start.
-fn restore(camera: &mut Camera, given: Option<&Camera>) {
-    let Some(given) = given else { return };
-    if given.maps != Maps::default() {
+fn restore(camera: &mut Camera, given: Option<&Camera>) -> Result<()> {
+    if let Some(given) = given
+        && given.maps != Maps::default()
+    {
         camera.maps = given.maps.clone();
     }
     let plain = camera.clone();
-    *camera = match given.effect(start_phase::EFFECT.name) {
-        Some(own) => plain.with(own.clone()),
-        None => plain.without(start_phase::EFFECT.name),
+    *camera = match given.map(|given| given.effect(start_phase::EFFECT.name)) {
+        Some(Some(own)) => plain.with(own.clone()),
+        Some(None) => plain.without(start_phase::EFFECT.name),
+        None => plain.with(start_phase::EFFECT.neutral().with("share", 1.0)?),
     };
+    Ok(())
 }
 
 /// Two measured sets as vectors.

@@ -34,7 +34,7 @@ pub struct Strengths {
 pub fn strengths(set: &RecordingSet, options: Options<'_>, progress: Progress<'_>) -> Result<Strengths> {
     progress("reading", 0.0);
     let both = Both::read([set, set], [Part::Whole; 2], options.extent)?;
-    let base = BaseModel::of(&both.fitted, options.camera)?;
+    let base = BaseModel::of(&both, options.camera)?;
     let library = Catalogue::new();
     let effects = options.effects.unwrap_or(&library);
     let setup = both.fitted.setup;

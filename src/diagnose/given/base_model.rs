@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::calibrate::{self, Calibration, RecordingSet, Redrawn};
 use crate::diagnose::given::negative::kept;
-use crate::diagnose::given::taken::Taken;
+use crate::diagnose::given::taken::{Both, Taken};
 use crate::diagnose::sensors::base::BASE;
 use crate::diagnose::sensors::published::published;
 use crate::diagnose::statistics::quantiles::Spread;
@@ -83,7 +83,17 @@ pub(in crate::diagnose) struct BaseModel {
 
 impl BaseModel {
     /// From the camera that is given, or from the published model with what calibration tells of the set.
-    pub fn of(taken: &Taken, given: Option<&Camera>) -> Result<Self> {
+    /// Where pixels began together it begins so, too.
+    pub fn of(both: &Both, given: Option<&Camera>) -> Result<Self> {
+        let mut base = Self::running(&both.fitted, given)?;
+        if let Some(over) = both.begun_over {
+            base.camera = base.camera.with(start_phase::EFFECT.neutral().with("share", over)?);
+        }
+        Ok(base)
+    }
+
+    /// Of a camera that was running.
+    fn running(taken: &Taken, given: Option<&Camera>) -> Result<Self> {
         let Taken { set, setup, measured } = taken;
         let calibration = calibration(set);
         let lamps = calibration.as_ref().map_or_else(|_| Vec::new(), lamps);
@@ -94,7 +104,7 @@ impl BaseModel {
         match calibration {
             Ok(c) => {
                 let found = Self { camera, numbers: Vec::new(), lamps, notes: Vec::new() }.moved(&c)?;
-                if kept(setup, &measured.scans) == Some(true) { found.below_zero() } else { Ok(found) }
+                if kept(setup, &measured.scans) { found.below_zero() } else { Ok(found) }
             }
             Err(why) => {
                 let numbers = numbers(&camera, NumberSource::Published);

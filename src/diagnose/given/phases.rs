@@ -5,7 +5,9 @@
 //! of its noise, and no calibrated number is known well enough to place them. So these readouts are set aside.
 
 use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::recording::pixel::PixelScan;
 use crate::diagnose::recording::scan::Scan;
+use crate::diagnose::statistics::quantiles::Spread;
 
 /// Rates up to which the first spike tells the phase: an interval has four readouts.
 const DIM: f64 = 0.25;
@@ -49,6 +51,30 @@ pub(in crate::diagnose) fn in_step(setup: &Setup, scans: &[Scan]) -> Vec<usize> 
     scans.iter().enumerate().map(aside).collect()
 }
 
+/// The share of a threshold over which the charges lay when pixels began together; nothing where they did not. Pixels whose resets lose
+/// charge lock to the readouts and never drift apart: a model must begin as the recordings did, or all that they do together is left.
+pub(in crate::diagnose) fn begun_over(setup: &Setup, scans: &[Scan]) -> Option<f64> {
+    let scenes = || setup.scenes.iter().zip(scans).filter(|(s, _)| s.constant() && s.still.is_none());
+    if setup.maps || !scenes().any(|(_, scan)| began_together(scan)) {
+        return None;
+    }
+    let dim = |scan: &&Scan| scan.pixels.iter().filter(|p| first_tells(p)).count();
+    let (_, scan) = scenes().filter(|(s, _)| s.skip == 0).max_by_key(|(_, scan)| dim(scan))?;
+    let charges: Vec<f64> = scan.pixels.iter().filter(|p| first_tells(p)).map(charge).collect();
+    let median = Spread::of(&charges).median();
+    Some((2.0 * median).clamp(0.0, 1.0))
+}
+
+/// Whether a pixel's first spike tells where it began.
+fn first_tells(p: &PixelScan) -> bool {
+    p.count >= 3 && p.rate < DIM
+}
+
+/// Its charge at the first readout, in thresholds: a spike falls anywhere in the readout that shows it.
+fn charge(p: &PixelScan) -> f64 {
+    1.0 - p.rate * (f64::from(p.first) + 0.5)
+}
+
 /// Rates of the pixels that fire, but not at every readout: those that do never drift apart, and make no bursts.
 fn rates(scan: &Scan) -> Vec<f64> {
     let step = scan.pixels.len().div_ceil(LOOKED_AT).max(1);
@@ -67,10 +93,8 @@ fn mean_length(turns: impl Iterator<Item = f64>) -> f64 {
 }
 
 fn began_together(scan: &Scan) -> bool {
-    let dim = || scan.pixels.iter().filter(|p| p.count >= 3 && p.rate < DIM);
-    // A spike falls anywhere in the readout that shows it.
-    let phase = |p: &crate::diagnose::recording::pixel::PixelScan| 1.0 - p.rate * (f64::from(p.first) + 0.5);
-    dim().count() >= FEWEST && mean_length(dim().map(phase)) > TOGETHER
+    let dim = || scan.pixels.iter().filter(|p| first_tells(p));
+    dim().count() >= FEWEST && mean_length(dim().map(charge)) > TOGETHER
 }
 
 /// The readout from which on pixels of these rates that began together are apart, up to [`MOST`].
@@ -110,7 +134,6 @@ fn apart(scan: &Scan, readouts: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::recording::pixel::PixelScan;
     use crate::draws::pattern::Pattern;
     use crate::draws::{Seeds, Stream};
     use crate::spikes::Geometry;

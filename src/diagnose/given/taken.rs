@@ -1,7 +1,7 @@
 //! A set as it is judged: what was looked at, and what was set aside.
 
 use crate::calibrate::RecordingSet;
-use crate::diagnose::given::phases::in_step;
+use crate::diagnose::given::phases::{begun_over, in_step};
 use crate::diagnose::lab::fault::Fault;
 use crate::diagnose::lab::look::look;
 use crate::diagnose::protocol::extent::{Extent, Part};
@@ -23,6 +23,8 @@ pub(in crate::diagnose) struct Both {
     pub judging: Taken,
     /// Readouts at the start of each recording that were set aside, as pixels began together.
     pub aside: Vec<(String, usize)>,
+    /// The share of a threshold over which charges lay at the first readout, where pixels began together.
+    pub begun_over: Option<f64>,
     /// What is wrong in the laboratory.
     pub faults: Vec<Fault>,
 }
@@ -61,6 +63,7 @@ impl Both {
         };
         let mut taken = read(&[])?;
         // The second halves of recordings begin where the first ones end.
+        let over = begun_over(&taken[0].setup, &taken[0].measured.scans);
         let begins: &[usize] = if parts[1] == Part::Second { &[0] } else { &[0, 1] };
         let aside = begins.iter().map(|i| in_step(&taken[*i].setup, &taken[*i].measured.scans));
         let aside =
@@ -71,7 +74,7 @@ impl Both {
         let named = taken[0].setup.scenes.iter().zip(&aside).map(|(s, n)| (s.file_name(), *n));
         let aside = named.filter(|(_, n)| *n > 0).collect();
         let [fitted, judging] = taken;
-        Ok(Self { fitted, judging, aside, faults: Vec::new() }.sorted(sets, parts))
+        Ok(Self { fitted, judging, aside, begun_over: over, faults: Vec::new() }.sorted(sets, parts))
     }
 
     /// Without recordings that are at fault in either set.
