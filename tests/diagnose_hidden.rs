@@ -66,6 +66,20 @@ fn against(camera: &Camera, sets: &[RecordingSet; 2]) -> Diagnosis {
     diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {}).unwrap()
 }
 
+/// Comments may name the library, code may not.
+#[test]
+fn the_hidden_sensor_shares_no_code_with_the_library() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hidden_sensor");
+    let files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|f| f.unwrap().path()).collect();
+    assert!(files.len() >= 4, "{files:?}");
+    for file in files {
+        let text = std::fs::read_to_string(&file).unwrap();
+        let code = text.lines().map(|l| l.split("//").next().unwrap_or_default());
+        let named: Vec<&str> = code.filter(|l| l.contains("spikelane") || l.contains("crate::")).collect();
+        assert!(named.is_empty(), "{}: {named:?}", file.display());
+    }
+}
+
 #[test]
 fn clean_sensors_raise_no_alarm() {
     // Chance of an alarm: three limits of one in a thousand, for three sensors.

@@ -3,8 +3,8 @@
 //! `cargo run --release --example study-program -- RECORDS.jsonl [--nulls N] [--singles N] [--doubles N] [--outside N] [--minutes M]
 //! [--attempt K] [--table FILE]` adds sensors to RECORDS, one a line, and leaves those alone that are there. The simulator of the truth is
 //! that of the tests and imports nothing from the library. Seeds are functions of a sensor's name and of the attempt. Clean sensors come
-//! first, then single effects, doubles and what the catalogue does not hold. `--times FOLDER` prints how long clean, single and double
-//! sensors take instead.
+//! first, then single effects, doubles and what the catalogue does not hold. `--times [N]` prints how long clean, single and double
+//! sensors of 96x64 pixels take instead, of the first N cases.
 
 mod factors;
 #[path = "../../tests/hidden_sensor/mod.rs"]
@@ -12,6 +12,7 @@ mod factors;
 mod hidden_sensor;
 #[path = "../diagnose/jobs.rs"]
 mod jobs;
+mod judged;
 mod lab;
 mod made;
 #[path = "../diagnose/score.rs"]
@@ -19,22 +20,15 @@ mod score;
 #[path = "../diagnose/share.rs"]
 mod share;
 mod table;
+mod times;
 
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use factors::Factors;
-use hidden_sensor::Sensor;
-use jobs::{Job, jobs, uniform};
-use serde_json::{Value, json};
-use spikelane::diagnose::{DiagnoseOptions, diagnose};
-
-/// Pixels of a side.
-const SIDE: usize = 48;
-
-/// Strengths over the smallest that the first study could name, log-uniform.
-const STRENGTHS: (f64, f64) = (6.0, 20.0);
+use jobs::{Job, jobs};
+use judged::{judged, smallest};
+use serde_json::Value;
 
 /// Processor seconds of a sensor in which nothing is found, and of one in which something is, as first measured.
 const SECONDS: [f64; 2] = [45.0, 120.0];
@@ -48,6 +42,12 @@ struct Args {
 }
 
 fn main() {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    if let [word, cases @ ..] = words.as_slice()
+        && word == "--times"
+    {
+        return times::print(cases.first().map_or(usize::MAX, |n| n.parse().expect("how many cases")));
+    }
     let args = args();
     let mut jobs = jobs(args.counts, &[]);
     // A run that is cut short has the clean ones, which tell most.
@@ -109,62 +109,4 @@ fn args() -> Args {
 fn known(path: &std::path::Path) -> Vec<Value> {
     let text = std::fs::read_to_string(path).unwrap_or_default();
     text.lines().filter_map(|l| serde_json::from_str(l).ok()).collect()
-}
-
-/// The smallest nameable strength of each effect in the first study.
-fn smallest() -> Vec<(String, f64)> {
-    let lines = include_str!("../../docs/data/diagnosis.jsonl");
-    let mut all: Vec<(String, f64)> = Vec::new();
-    for record in lines.lines().filter_map(|l| serde_json::from_str::<Value>(l).ok()) {
-        for h in record["hidden"].as_array().into_iter().flatten() {
-            let (Some(name), Some(strength)) = (h["name"].as_str(), h["nameable"].as_f64()) else { continue };
-            if !all.iter().any(|a| a.0 == name) {
-                all.push((name.to_owned(), strength));
-            }
-        }
-    }
-    all
-}
-
-fn judged(job: &Job, attempt: u64, smallest: &[(String, f64)]) -> Value {
-    let seed = job.seed() ^ attempt.wrapping_mul(0x9E37_79B9_7F4A_7C15);
-    let factors = Factors::drawn(seed);
-    let mut physics = factors.physics();
-    let mut hidden = Vec::new();
-    for (i, kind) in job.kinds.iter().enumerate() {
-        let u = [1, 2, 3].map(|k| uniform(seed, 10 * i as u64 + k));
-        let times = STRENGTHS.0 * (STRENGTHS.1 / STRENGTHS.0).powf(uniform(seed, 100 + i as u64));
-        let own = smallest.iter().find(|s| s.0 == kind.name).map(|s| s.1 * times);
-        let strength = own.map_or(kind.largest, |s| s.min(kind.largest));
-        (kind.set)(&mut physics, strength, u);
-        hidden.push(json!({"name": kind.name, "strength": strength}));
-    }
-    let sensor = Sensor::new(physics, SIDE, SIDE, seed);
-    let folder = tempfile::tempdir().unwrap();
-    let first = lab::take(&sensor, &factors, 0, &folder.path().join("0"));
-    let second = factors.second_set.then(|| lab::take(&sensor, &factors, 1, &folder.path().join("1")));
-    let camera = factors.camera_file.then(|| lab::camera_file(&first, &factors));
-    let options = DiagnoseOptions { camera: camera.as_ref(), ..DiagnoseOptions::default() };
-    let found = diagnose(&first, second.as_ref(), options, &mut |_, _| {});
-    let said = match &found {
-        Ok(diagnosis) => serde_json::to_value(diagnosis).unwrap(),
-        Err(error) => json!({ "error": error.to_string() }),
-    };
-    let levels: serde_json::Map<String, Value> =
-        factors.levels().into_iter().map(|(name, level)| (name.to_owned(), level.into())).collect();
-    // What a protocol cannot show is no miss.
-    let cannot = |name: &str| said["not_testable"].as_array().into_iter().flatten().any(|n| n == name);
-    let shown = job.kinds.iter().filter(|k| job.class != "outside" && !cannot(k.name)).count();
-    let hidden = Value::from(hidden);
-    let mut score = score::of(&hidden, &said);
-    score["shown"] = shown.into();
-    json!({"id": job.id(), "class": job.class, "attempt": attempt, "factors": levels, "hidden": hidden, "score": score, "said": kept(said)})
-}
-
-/// What a table and a question about a failure need.
-fn kept(said: Value) -> Value {
-    let keys =
-        ["verdict", "effects", "misfits", "unknown", "gap", "faults", "seconds", "error", "not_testable"];
-    let own = said.as_object().into_iter().flatten().filter(|(key, _)| keys.contains(&key.as_str()));
-    Value::Object(own.map(|(key, value)| (key.clone(), value.clone())).collect())
 }

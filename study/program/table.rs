@@ -37,11 +37,37 @@ fn wrong(r: &Value) -> bool {
     names(r, "wrong") > 0
 }
 
+/// Names that sets of a protocol could not show, however strong, and in how many of them.
+fn cannot_show(records: &[Value]) -> String {
+    let mut text = "\nWhat a protocol cannot show, by how many of its sets:\n\n| protocol | sets | names |\n|---|--:|---|\n".to_owned();
+    let mut protocols: BTreeMap<&str, Vec<&Value>> = BTreeMap::new();
+    for r in records.iter().filter(|r| r["said"]["not_testable"].is_array()) {
+        protocols.entry(r["factors"]["protocol"].as_str().unwrap_or_default()).or_default().push(r);
+    }
+    for (protocol, own) in &protocols {
+        let mut names: BTreeMap<&str, usize> = BTreeMap::new();
+        for name in own.iter().flat_map(|r| r["said"]["not_testable"].as_array().into_iter().flatten()) {
+            *names.entry(name.as_str().unwrap_or_default()).or_default() += 1;
+        }
+        let names: Vec<String> = names.iter().map(|(name, n)| format!("`{name}` {n}")).collect();
+        text += &format!("| {protocol} | {} | {} |\n", own.len(), names.join(", "));
+    }
+    text
+}
+
 pub(crate) fn table(records: &[Value]) -> String {
+    let class = |class: &str| records.iter().filter(|r| r["class"] == class).count();
+    let mut head = format!(
+        "{} sensors were judged: {} clean, {} with one effect, {} with two, {} with what the catalogue does not hold.\n\n",
+        records.len(),
+        class("null"),
+        class("single"),
+        class("double"),
+        class("outside")
+    );
     let of = |class: &'static str| records.iter().filter(move |r| r["class"] == class);
-    let mut text =
-        "| what | aim | found, with the 95 % interval of Clopper and Pearson | |\n|---|---|---|---|\n"
-            .to_owned();
+    head += "| what | aim | found, with the 95 % interval of Clopper and Pearson | |\n|---|---|---|---|\n";
+    let mut text = head;
     let alarm = |r: &Value| r["said"]["verdict"] != "agrees";
     text += &row(
         "clean sensors with a wrong plain name",
@@ -81,6 +107,7 @@ pub(crate) fn table(records: &[Value]) -> String {
     for ((factor, level), own) in &cells {
         text += &format!("| {factor} | {level} | {} |\n", count(own.iter().copied(), alarm));
     }
+    text += &cannot_show(records);
     text += "\nSensors that did not end as they should:\n\n";
     for r in records {
         let class = r["class"].as_str().unwrap_or_default();

@@ -1,6 +1,7 @@
 //! The part of the report's page that says what was judged, from which numbers, and how it was made.
 
 use super::diagnosis::Diagnosis;
+use super::words::rounded;
 use crate::diagnose::given::about::About;
 use crate::diagnose::given::base_model::{BaseNumber, NumberSource};
 use crate::report::{Part, Table};
@@ -85,14 +86,10 @@ fn numbers(all: &[BaseNumber]) -> Table {
             NumberSource::Published => "the published model",
             NumberSource::Camera => "the camera file",
         };
-        let error = n.error.map_or_else(String::new, |e| format!("{e:.2e}"));
-        table.row([
-            n.parameter.clone(),
-            format!("{:.5}", n.value),
-            error,
-            n.unit.to_owned(),
-            source.to_owned(),
-        ]);
+        // Both to two digits of the error.
+        let error = n.error.map_or_else(String::new, |e| rounded(e, -e, e));
+        let value = n.error.map_or_else(|| format!("{:.5}", n.value), |e| rounded(n.value, -e, e));
+        table.row([n.parameter.clone(), value, error, n.unit.to_owned(), source.to_owned()]);
     }
     table
 }

@@ -9,3 +9,4 @@ pub(super) mod outcome;
 pub(super) mod page;
 pub(super) mod pictures;
 pub(super) mod pictures_page;
+mod words;

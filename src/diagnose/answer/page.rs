@@ -3,6 +3,7 @@
 use super::about_page::{glossary, judged, made};
 use super::diagnosis::{Diagnosis, Verdict};
 use super::pictures_page::seen;
+use super::words::{interval, rounded};
 use crate::diagnose::search::round::Fate;
 use crate::error::Result;
 use crate::report::{Part, Row, Table, page as render, ranked};
@@ -31,7 +32,7 @@ pub fn page(diagnosis: &Diagnosis) -> Result<String> {
         parts.push(Part::heading("The gap, after each step"));
         parts.extend(gap(diagnosis)?);
         parts.extend(tournament(diagnosis)?);
-        parts.extend(seen(&diagnosis.traces.pictures)?);
+        parts.extend(seen(&diagnosis.traces.pictures, diagnosis.gap.train.len() > 1)?);
         parts.push(Part::heading("What this set could not have seen"));
         parts.push(Part::text(unseen(diagnosis)));
         parts.push(Part::heading("Words"));
@@ -106,17 +107,6 @@ fn sentence(d: &Diagnosis) -> String {
     }
 }
 
-/// `value` to a tenth or less of how uncertain it is: two digits of half its interval.
-pub(super) fn rounded(value: f64, low: f64, high: f64) -> String {
-    let half = (high - low) / 2.0;
-    let decimals = if half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 7.0) as usize } else { 5 };
-    format!("{value:.decimals$}")
-}
-
-fn interval(low: f64, high: f64) -> String {
-    format!("{} to {}", rounded(low, low, high), rounded(high, low, high))
-}
-
 fn named(d: &Diagnosis) -> Vec<Part> {
     let mut table = Table::new(&["effect", "parameter", "value", "95 % interval", "as likely", "evidence"]);
     for e in &d.effects {
@@ -160,8 +150,19 @@ fn named(d: &Diagnosis) -> Vec<Part> {
 }
 
 fn gap(d: &Diagnosis) -> Result<Vec<Part>> {
+    // One bar beside no other says no more than its number.
+    if let ([fitted], [held_out]) = (d.gap.train.as_slice(), d.gap.heldout.as_slice()) {
+        return Ok(vec![Part::text(format!(
+            "Nothing was added. The squared distance of the statistics to the model, with what calibration fits taken out, is {fitted:.0} for \
+             the fitted recordings and {held_out:.0} for the held-out ones; the model's own sensors have {:.0}, with a deviation of {:.0}.",
+            d.gap.floor, d.gap.floor_sd
+        ))]);
+    }
     let values = d.gap.train.iter().zip(&d.gap.heldout);
-    let row = |(name, (a, b)): (&String, (&f64, &f64))| Row { name: name.clone(), values: vec![*a, *b] };
+    let row = |(name, (a, b)): (&String, (&f64, &f64))| Row {
+        name: format!("{name}: {a:.0}, {b:.0}"),
+        values: vec![*a, *b],
+    };
     let rows: Vec<Row> = d.traces.gaps.iter().zip(values).map(row).collect();
     Ok(vec![Part::figure(
         ranked(
@@ -190,22 +191,31 @@ const PLAIN: f64 = 5.0;
 fn disagreements(d: &Diagnosis) -> Result<Vec<Part>> {
     let mut rows: Vec<_> = d.traces.deviations.iter().collect();
     rows.sort_by(|a, b| b.2.abs().max(b.3.abs()).total_cmp(&a.2.abs().max(a.3.abs())));
+    // Where nothing was added there is no after.
+    let added = d.gap.train.len() > 1;
     let row = |(name, place, before, after): &(String, String, f64, f64)| Row {
         name: format!("{place}: {name}"),
-        values: vec![*before, *after],
+        values: if added { vec![*before, *after] } else { vec![*before] },
     };
     let shown: Vec<Row> = rows.iter().take(SHOWN).map(|r| row(r)).collect();
     let plain = |after: bool| rows.iter().filter(|r| (if after { r.3 } else { r.2 }).abs() > PLAIN).count();
-    Ok(vec![Part::figure(
-        ranked("standard deviations", &["before", "after"], &shown, Some((PLAIN, "5")))?,
+    let series: &[&str] = if added { &["before", "after"] } else { &["recordings less model"] };
+    let caption = if added {
         format!(
             "The largest deviations of the fitted recordings from the model, before and after effects were added: {} of {} \
              statistics are beyond five standard deviations before, {} after.",
             plain(false),
             rows.len(),
             plain(true)
-        ),
-    )])
+        )
+    } else {
+        format!(
+            "The largest deviations of the fitted recordings from the model: {} of {} statistics are beyond five standard deviations.",
+            plain(false),
+            rows.len()
+        )
+    };
+    Ok(vec![Part::figure(ranked("standard deviations", series, &shown, Some((PLAIN, "5")))?, caption)])
 }
 
 fn tournament(d: &Diagnosis) -> Result<Vec<Part>> {
@@ -229,25 +239,11 @@ fn tournament(d: &Diagnosis) -> Result<Vec<Part>> {
         };
         parts.push(Part::heading(&format!("Tournament: {winner}{what}")));
         let row = |(name, misfit, tied): &(&str, f64, bool)| Row {
-            name: format!("{name}{}", if *tied && name != winner { " (tied)" } else { "" }),
+            name: format!("{name}: {misfit:.0}{}", if *tied && name != winner { " (tied)" } else { "" }),
             values: vec![*misfit],
         };
         let rows: Vec<Row> = round.iter().map(row).collect();
         parts.push(Part::figure(ranked("gap that is left", &["fitted"], &rows, None)?, caption));
     }
     Ok(parts)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{interval, rounded};
-
-    #[test]
-    fn numbers_are_shown_as_far_as_they_are_known() {
-        assert_eq!(rounded(0.00744, 0.003_42, 0.011_46), "0.0074");
-        assert_eq!(interval(0.003_42, 0.011_46), "0.0034 to 0.0115");
-        assert_eq!(interval(6.574_67, 9.950_68), "6.6 to 10.0");
-        assert_eq!(rounded(2480.0, 2100.0, 2900.0), "2480");
-        assert_eq!(rounded(0.5, 0.5, 0.5), "0.50000", "known exactly");
-    }
 }

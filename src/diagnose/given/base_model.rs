@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::calibrate::{self, Calibration, RecordingSet, Redrawn};
 use crate::diagnose::given::negative::kept;
+use crate::diagnose::given::reduced::reduced;
 use crate::diagnose::given::taken::{Both, Taken};
 use crate::diagnose::sensors::base::BASE;
 use crate::diagnose::sensors::published::published;
@@ -124,7 +125,7 @@ impl BaseModel {
         if camera.maps != Maps::default() {
             camera = reduced(camera)?;
             notes.push(
-                "The camera file has maps of its pixels. Populations are compared here, so their medians and spreads stand for them: what the maps alone hold, such as hot pixels, is named as an effect that the model lacks.".to_owned(),
+                "The camera file has maps of its pixels. Populations are compared here, so their medians, their spreads and a log-normal tail of the dark current stand for them: what the maps alone hold, such as hot pixels, is named as an effect that the model lacks.".to_owned(),
             );
         }
         Ok(Self { numbers: numbers(&camera, NumberSource::Camera), camera, lamps: Vec::new(), notes })
@@ -253,28 +254,4 @@ fn usual_dark(c: &Calibration) -> (f64, f64) {
     let errors: Vec<f64> = c.fits.iter().map(|f| f.var_d).collect();
     let (spread, error) = (Spread::of(&d), Spread::of(&errors).median());
     (spread.median(), (spread.sd().powi(2) - error).max(0.0).sqrt())
-}
-
-/// A camera whose maps give way to populations of their medians and spreads.
-fn reduced(mut camera: Camera) -> Result<Camera> {
-    let maps = std::mem::take(&mut camera.maps);
-    let own = |camera: &Camera, effect: &'static Definition| {
-        camera.effect(effect.name).cloned().unwrap_or_else(|| effect.neutral())
-    };
-    if let Some(gain) = &maps.gain {
-        let spread = Spread::of(gain);
-        let effect = own(&camera, &prnu::EFFECT).with("mean", spread.median())?.with("sigma", spread.sd())?;
-        camera = camera.with(effect);
-    }
-    if let Some(dark) = &maps.dark_pa {
-        let spread = Spread::of(dark);
-        let negative = if dark.iter().any(|d| *d < 0.0) { 0.0 } else { 1.0 };
-        let effect = own(&camera, &dark_current::EFFECT).with("mean", spread.median())?;
-        camera = camera.with(effect.with("sigma", spread.sd())?.with("negative", negative)?);
-    }
-    if let Some(swing) = &maps.swing_v {
-        let effect = own(&camera, &bias_voltage::EFFECT).with("sigma", Spread::of(swing).sd())?;
-        camera = camera.with(effect);
-    }
-    Ok(camera)
 }

@@ -4,4 +4,5 @@ pub(super) mod about;
 pub(super) mod base_model;
 pub(super) mod negative;
 pub(super) mod phases;
+mod reduced;
 pub(super) mod taken;
