@@ -134,3 +134,30 @@ fn where_pixels_began_is_no_part_of_the_camera() {
         assert_eq!(charge, if camera.is_some() { 1.0 } else { 0.0 });
     }
 }
+
+/// Pixels whose resets lose charge lock to the readouts, and those that began together stay so. Four levels were said to be `dead_time`, and
+/// with pixels that begin anywhere the name was a likeness beside power of the totals at 22 deviations.
+#[test]
+fn pixels_that_began_together_and_lock_to_the_readouts_are_told_on_four_levels() {
+    let mut camera = presets::load("scsim-code").unwrap();
+    camera.sensor =
+        spikelane::Sensor { geometry: spikelane::Geometry::new(32, 32).unwrap(), ..camera.sensor };
+    let reset = spikelane::effects::find("partial_reset").unwrap().neutral();
+    let hidden = camera.with(reset.with("lost_remainder", 0.1).unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let sets = [1, 2].map(|take| {
+        let seeds = Seeds { camera: 4, shot: take, sequence: 0 };
+        let path = folder.path().join(format!("{take}"));
+        let set = Protocol::recommended(2400).record(&hidden, seeds, &path, false, &mut |_, _| {});
+        let mut set = RecordingSet::open(&set.unwrap()).unwrap();
+        let four = ["dark.dat", "flat_1000.dat", "flat_3000.dat", "flat_7400.dat"];
+        set.recordings.retain(|r| four.iter().any(|name| r.file.ends_with(name)));
+        assert_eq!(set.recordings.len(), 4);
+        set
+    });
+    let found = diagnose(&sets[0], Some(&sets[1]), DiagnoseOptions::default(), &mut |_, _| {}).unwrap();
+    let said: Vec<_> = found.effects.iter().map(|e| (e.name, e.resembles)).collect();
+    assert_eq!(said, [("partial_reset", false)], "{:?} {:?}", found.effects, found.unknown);
+    let strength = &found.effects[0].parameters[0];
+    assert!(strength.low < 0.1 && 0.1 < strength.high, "{strength:?}");
+}
