@@ -87,6 +87,9 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     if let Some(about) = &mut found.about {
         about.set = Some(args.recordings.display().to_string());
         about.command = Some(typed());
+        if let Some(path) = &args.holdout {
+            about.held_out += &format!(", {}", path.display());
+        }
         about.date = Some(today());
     }
     let mut result = write(&found, args)?;

@@ -65,7 +65,8 @@ pub(super) fn judged(about: &About) -> Vec<Part> {
     row("seed", about.seed.to_string());
     parts.push(Part::Table(set));
     let lamp = |file: &str| about.lamps.iter().find(|l| l.file.ends_with(file));
-    let mut files = Table::new(&["recording", "light", "found, less stated", "readouts", "from readout"]);
+    let mut files =
+        Table::new(&["recording", "light", "calibrated, less stated", "readouts", "from readout"]);
     for r in &about.recordings {
         let found = lamp(&r.file).map_or_else(String::new, |l| format!("{:+.3} %", 100.0 * l.deviation));
         files.row([r.file.clone(), r.light.clone(), found, r.readouts.to_string(), r.from.to_string()]);
