@@ -26,7 +26,11 @@ pub use answer::diagnosis::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Trac
 pub use answer::page::page;
 pub use answer::pictures::{Picture, Trace};
 pub use lab::fault::{Fault, FaultKind};
+#[cfg(feature = "internals")]
+#[doc(hidden)]
 pub use null::first_look::FirstLook;
+#[cfg(all(feature = "cli", not(feature = "internals")))]
+pub(crate) use null::first_look::FirstLook;
 pub use null::nameable::Nameable;
 #[cfg(feature = "internals")]
 #[doc(hidden)]
@@ -37,7 +41,13 @@ pub use null::reference::Reference;
 pub use null::watched::Progress;
 pub use protocol::extent::{Extent, Part};
 pub use protocol::recorded_set::Setup;
-pub use run::{Options as DiagnoseOptions, diagnose, diagnose_and_tell};
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub use run::diagnose_and_tell;
+#[cfg(all(feature = "cli", not(feature = "internals")))]
+pub(crate) use run::diagnose_and_tell;
+pub use run::{Options as DiagnoseOptions, diagnose};
+
 pub use search::round::Fate;
 pub use statistics::entry::Statistic;
 pub use strengths::{Strengths, strengths};
