@@ -12,8 +12,11 @@ use super::made;
 
 const SIZE: Size = Size { width: 96, height: 64, readouts: 6000 };
 
-/// Sensors with what is hidden in them: seed, effects with strengths, whether the published camera is given.
-const CASES: [(&str, u64, &[(&str, f64)], bool); 5] = [
+/// Effects with strengths.
+type Hidden = &'static [(&'static str, f64)];
+
+/// Sensors with what is hidden in them: seed, effects, whether the published camera is given.
+const CASES: [(&str, u64, Hidden, bool); 5] = [
     ("clean, calibrated", 1, &[], false),
     ("another clean sensor of the same kind, calibrated", 2, &[], false),
     ("clean, with its camera file", 1, &[], true),
