@@ -28,6 +28,8 @@ pub struct Circuit {
     /// Relative distance of both values of a dark current that switches from their mean, zero
     /// where it does not; empty when no pixel's does.
     pub telegraph: Vec<f64>,
+    /// Share of the width within which a pixel is undecided at a readout; empty when none is.
+    pub undecided: Vec<f64>,
 }
 
 impl Circuit {
@@ -57,6 +59,7 @@ impl Circuit {
             gain: Vec::new(),
             dark_pa: Vec::new(),
             telegraph: Vec::new(),
+            undecided: Vec::new(),
         }
     }
 

@@ -98,6 +98,8 @@ impl Model {
                 let share = c.telegraph.get(p).copied().unwrap_or(0.0);
                 law.telegraph = Telegraph { amplitude: share * law.dark, rate };
             }
+            Op::QuantaSettle { time_constant } => law.settling = kept(time_constant),
+            Op::Undecided { width } => law.undecided = width * c.undecided.get(p).copied().unwrap_or(0.0),
             Op::Leak { fraction } => law.leak = fraction,
             Op::SpikeCoupling { charge } => law.coupling = charge,
             Op::ComparatorNoise { sigma } => law.comparator = sigma,
@@ -177,13 +179,14 @@ impl Model {
             gain,
             dark_pa,
             telegraph,
+            undecided,
             // What all pixels share.
             period_s: _,
             nominal_ff: _,
             nominal_v: _,
             sensitivity: _,
         } = &mut self.circuit;
-        for column in [capacitance_ff, swing_v, gain, dark_pa, telegraph] {
+        for column in [capacitance_ff, swing_v, gain, dark_pa, telegraph, undecided] {
             if !column.is_empty() {
                 *column = crop.pick(*geometry, column);
             }

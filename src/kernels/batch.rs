@@ -81,6 +81,8 @@ pub struct Rounds {
     pub noise: Vec<NoiseRound>,
     /// Of [`crate::plan::Clocks::counts`].
     pub counts: Vec<Round>,
+    /// Of [`crate::plan::Clocks::undecided`].
+    pub undecided: Vec<Round>,
     /// Of [`crate::plan::Clocks::missed`].
     pub missed: [Vec<Round>; 2],
     /// Of [`crate::plan::Clocks::spurious`].
@@ -190,12 +192,14 @@ impl Rounds {
         // The lanes walk along both, whatever the plan holds, as soon as it holds any noise or bends light.
         let rules = plan.rules();
         let drawn = counted || plan.tables().noise.is_some();
-        let noisy = drawn || rules.surplus || rules.extras() || plan.moving().is_some();
+        let undecided = !plan.tables().undecided.is_empty();
+        let noisy = drawn || undecided || rules.surplus || rules.extras() || plan.moving().is_some();
         let shot = words(clocks.shot, noisy).into_iter();
         let thermal = words(clocks.thermal, noisy);
         Self {
             noise: shot.zip(thermal).map(|(shot, thermal)| NoiseRound { shot, thermal }).collect(),
             counts: words(clocks.counts, counted),
+            undecided: words(clocks.undecided, undecided),
             missed: clocks.missed.map(|c| words(c, missed)),
             spurious: clocks.spurious.map(|c| words(c, spurious)),
         }

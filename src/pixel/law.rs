@@ -16,6 +16,8 @@ pub struct Law {
     pub quanta_light: f64,
     /// Mean quanta per readout in the dark.
     pub quanta_dark: f64,
+    /// Share of what the quanta stray by that is still to come after a readout.
+    pub settling: f64,
     /// Standard deviation of the threshold's noise.
     pub noise: f64,
     /// When that noise is drawn.
@@ -44,6 +46,8 @@ pub struct Law {
     pub leak: f64,
     /// Standard deviation of noise that is compared with and not subtracted, in own thresholds.
     pub comparator: f64,
+    /// So close to what it is compared with, charge is drawn to it and fires by chance; in own thresholds.
+    pub undecided: f64,
     /// Standard deviation of the threshold's noise that a row shares, in own thresholds.
     pub row_noise: f64,
     /// Wandering threshold.
@@ -63,6 +67,8 @@ pub struct Law {
 pub struct State {
     /// Stored charge in nominal thresholds.
     pub charge: f64,
+    /// What the quanta have strayed by and is still to come, in nominal thresholds.
+    pub waiting: f64,
     /// Whether the previous readout fired.
     pub fired: bool,
     /// The frozen value of the threshold noise, for [`Redraw::EveryReset`].
@@ -98,6 +104,7 @@ impl Law {
         quantum: 0.0,
         quanta_light: 0.0,
         quanta_dark: 0.0,
+        settling: 0.0,
         noise: 0.0,
         redraw: Redraw::EveryReset,
         lost_increment: 0.0,
@@ -118,6 +125,7 @@ impl Law {
         telegraph: Telegraph { amplitude: 0.0, rate: 0.0 },
         leak: 0.0,
         comparator: 0.0,
+        undecided: 0.0,
         row_noise: 0.0,
         slow: SlowNoise { sigma: 0.0, kept: 0.0 },
         adaptation: Adaptation { rise: 0.0, decay: 0.0 },
@@ -161,6 +169,7 @@ impl Law {
             quantum,
             quanta_light,
             quanta_dark,
+            settling,
             lost_increment,
             ceiling,
             floor,
@@ -178,6 +187,7 @@ impl Law {
             redraw: _,
             lost_remainder: _,
             comparator: _,
+            undecided: _,
             slow: _,
             adaptation: _,
             // and a `Frame` these of pixels side by side.
@@ -190,8 +200,12 @@ impl Law {
         let mut charge = gain * light + dark + self.switched(state, noise);
         let quanta = quanta_light * light + quanta_dark;
         if quantum > 0.0 && quanta > 0.0 {
-            charge += quantum * (noise.poisson(quanta) - quanta);
+            state.waiting += quantum * (noise.poisson(quanta) - quanta);
         }
+        // Without settling all of it comes at once.
+        let arrived = (1.0 - settling) * state.waiting;
+        state.waiting -= arrived;
+        charge += arrived;
         if state.fired {
             charge *= 1.0 - lost_increment;
         }
@@ -255,7 +269,12 @@ impl Law {
             };
         let unsubtracted =
             if self.comparator > 0.0 { self.comparator * self.threshold * noise.normal() } else { 0.0 };
-        state.fired = state.charge >= threshold + unsubtracted;
+        let bar = threshold + unsubtracted;
+        state.fired = state.charge >= bar;
+        if (state.charge - bar).abs() < self.undecided * self.threshold {
+            state.charge = bar;
+            state.fired = noise.uniform() < 0.5;
+        }
         state.adapted *= self.adaptation.decay;
         if state.fired {
             state.charge = (state.charge - threshold) * (1.0 - self.lost_remainder);

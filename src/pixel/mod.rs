@@ -50,6 +50,11 @@ pub enum Op {
         /// Factor on the variance, 1 for the physics.
         strength: f64,
     },
+    /// What the quanta stray by waits in front of the pixel's store and flows into it over some readouts.
+    QuantaSettle {
+        /// Readouts after which 1/e of it is still to come.
+        time_constant: f64,
+    },
     /// The threshold voltage carries noise, compared with and subtracted.
     ThresholdNoise {
         /// Standard deviation in volts.
@@ -109,6 +114,11 @@ pub enum Op {
     ComparatorNoise {
         /// Standard deviation in the pixel's own thresholds.
         sigma: f64,
+    },
+    /// A pixel close to its threshold at a readout is drawn to it, and fires by chance; the circuit says which do.
+    Undecided {
+        /// How close, in the pixel's own thresholds, where the circuit's share is one.
+        width: f64,
     },
     /// Noise of the threshold that the pixels of a row share.
     RowNoise {

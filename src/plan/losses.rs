@@ -23,6 +23,7 @@ impl Losses {
                 // These happen to pixels: `Model::law` and `Model::phases` have them.
                 Op::LightQuanta { .. }
                 | Op::DarkQuanta { .. }
+                | Op::QuantaSettle { .. }
                 | Op::ThresholdNoise { .. }
                 | Op::FirstIncrement { .. }
                 | Op::Remainder { .. }
@@ -33,6 +34,7 @@ impl Losses {
                 | Op::Drift { .. }
                 | Op::Leak { .. }
                 | Op::ComparatorNoise { .. }
+                | Op::Undecided { .. }
                 | Op::RowNoise { .. }
                 | Op::SlowThresholdNoise { .. }
                 | Op::Adaptation { .. }

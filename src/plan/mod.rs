@@ -60,6 +60,8 @@ pub struct Clocks {
     pub comparator: Clock,
     /// Noise of rows, addressed by the row.
     pub row: Clock,
+    /// Chance of the undecided.
+    pub undecided: Clock,
     /// Steps of the wandering threshold.
     pub slow: Clock,
     /// Switching of the dark current, coarse and fine.
@@ -81,6 +83,7 @@ impl Clocks {
             spurious: [clock("false_spikes"), clock("false_spikes/fine")],
             comparator: clock("comparator_noise"),
             row: clock("row_noise"),
+            undecided: clock("readout_jitter"),
             slow: clock("slow_threshold_noise"),
             telegraph: [clock("telegraph_dark"), clock("telegraph_dark/fine")],
             dropped: clock("dropped_readouts"),

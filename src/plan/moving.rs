@@ -108,6 +108,8 @@ pub(super) fn build(laws: &[Rounded<'_>], width: usize) -> Option<Moving> {
         quantum: _,
         quanta_light: _,
         quanta_dark: _,
+        settling: _,
+        undecided: _,
         noise: _,
         redraw: _,
         lost_increment: _,

@@ -60,6 +60,8 @@ struct Extremes {
     increment: f64,
     noise: f64,
     shot: f64,
+    /// Deviation of what waits.
+    waiting: f64,
     ceiling: f64,
     relative_increment: f64,
     /// Offset of the threshold, in the pixel's own.
@@ -74,6 +76,7 @@ impl Extremes {
             increment: 0.0,
             noise: 0.0,
             shot: 0.0,
+            waiting: 0.0,
             ceiling: 0.0,
             relative_increment: 0.0,
             sway: 0.0,
@@ -93,6 +96,7 @@ impl Extremes {
             ceiling,
             telegraph,
             coupling,
+            settling,
             // In `brightest`.
             quadratic: _,
             schedule: _,
@@ -112,6 +116,7 @@ impl Extremes {
             lag: _,
             leak: _,
             crosstalk: _,
+            undecided: _,
         } = *law;
         let light = law.brightest(light);
         let given = 4.0 * coupling.abs() * threshold;
@@ -124,6 +129,9 @@ impl Extremes {
             increment: self.increment.max(increment),
             noise: self.noise.max(noise),
             shot: self.shot.max(quantum * quanta.sqrt()),
+            waiting: self
+                .waiting
+                .max(quantum * quanta.sqrt() * settling / (1.0 - settling * settling).sqrt()),
             ceiling: self.ceiling.max(ceiling / threshold),
             relative_increment: self.relative_increment.max(increment / threshold),
             sway: self.sway.max(law.sway(f64::from(gauss::LARGEST) / gauss::SCALE)),
@@ -143,6 +151,8 @@ pub(super) fn choose(model: &Model, laws: &[Law], light: f64) -> Result<Scale> {
         // The multipliers of both deviations fit 16 bits.
         0.97 * gauss::SCALE / e.noise,
         0.97 * gauss::SCALE / e.shot,
+        // What waits saturates beyond eight deviations.
+        32_000.0 / (8.0 * e.waiting),
         match storage {
             // An increment with its noise, on a pixel that a high threshold has just kept silent,
             // less a threshold that is as low.

@@ -27,6 +27,10 @@ pub struct State {
     pub(crate) held: Vec<i16>,
     /// Its fraction; empty unless frozen and fine.
     pub(crate) held_fraction: Vec<i16>,
+    /// Noise of quanta that is still to come, in whole steps; empty unless it waits.
+    pub(crate) waiting: Vec<i16>,
+    /// Its fraction, with the top bit inverted.
+    pub(crate) waiting_fraction: Vec<i16>,
     /// What lingers, see [`SLOW`] and those after it; each empty unless there is such a thing.
     pub(crate) lingering: [Vec<i16>; LINGERING],
     /// The bits of the last readout, two bytes each; empty unless readouts are repeated.
@@ -59,6 +63,10 @@ pub struct StateParts<'a> {
     pub held: &'a mut [i16],
     /// See [`State`].
     pub held_fraction: &'a mut [i16],
+    /// See [`State`].
+    pub waiting: &'a mut [i16],
+    /// See [`State`].
+    pub waiting_fraction: &'a mut [i16],
     /// See [`State`].
     pub lingering: [&'a mut [i16]; LINGERING],
 }
@@ -104,6 +112,8 @@ impl State {
         let mut fired = self.fired.chunks_mut(pixels);
         let mut held = self.held.chunks_mut(pixels);
         let mut held_fraction = self.held_fraction.chunks_mut(pixels);
+        let mut waiting = self.waiting.chunks_mut(pixels);
+        let mut waiting_fraction = self.waiting_fraction.chunks_mut(pixels);
         let mut lingering = self.lingering.each_mut().map(|column| column.chunks_mut(pixels));
         (0..count)
             .map(|_| StateParts {
@@ -113,27 +123,47 @@ impl State {
                 fired: fired.next().unwrap_or_default(),
                 held: held.next().unwrap_or_default(),
                 held_fraction: held_fraction.next().unwrap_or_default(),
+                waiting: waiting.next().unwrap_or_default(),
+                waiting_fraction: waiting_fraction.next().unwrap_or_default(),
                 lingering: lingering.each_mut().map(|column| column.next().unwrap_or_default()),
             })
             .collect()
     }
 
     fn columns(&self) -> [&Vec<i16>; 6] {
-        let Self { charge, fraction, surplus, fired, held, held_fraction, readout: _, lingering: _, last: _ } =
-            self;
+        let Self {
+            charge,
+            fraction,
+            surplus,
+            fired,
+            held,
+            held_fraction,
+            // `further` has these.
+            lingering: _,
+            last: _,
+            waiting: _,
+            waiting_fraction: _,
+            readout: _,
+        } = self;
         [charge, fraction, surplus, fired, held, held_fraction]
     }
 
-    /// The columns of what lingers, and of the bits that may be repeated.
-    fn lingering(&self) -> [&Vec<i16>; LINGERING + 1] {
-        let [a, b, c, d, e, f, g] = &self.lingering;
-        [a, b, c, d, e, f, g, &self.last]
+    /// What few plans have, in two blocks: what lingers and the bits that may be repeated; then what waits. A block of which
+    /// nothing is there is not written, so that a state keeps its bytes when another block comes behind.
+    fn further(&self) -> [Vec<&Vec<i16>>; 2] {
+        let lingering = self.lingering.iter().chain([&self.last]).collect();
+        [lingering, vec![&self.waiting, &self.waiting_fraction]]
+    }
+
+    fn further_mut(&mut self) -> [Vec<&mut Vec<i16>>; 2] {
+        let lingering = self.lingering.iter_mut().chain([&mut self.last]).collect();
+        [lingering, vec![&mut self.waiting, &mut self.waiting_fraction]]
     }
 
     /// Whether this could be a state of the plan whose fresh state is `like`.
     pub(crate) fn fits(&self, like: &Self) -> bool {
         let common = self.columns().map(Vec::len) == like.columns().map(Vec::len);
-        common && self.lingering().map(Vec::len) == like.lingering().map(Vec::len)
+        common && self.further().concat().iter().zip(like.further().concat()).all(|(a, b)| a.len() == b.len())
     }
 
     /// The state as bytes, little-endian, with a header that says which parts there are.
@@ -147,34 +177,40 @@ impl State {
         for column in self.columns() {
             bytes.extend(column.iter().flat_map(|v| v.to_le_bytes()));
         }
-        if self.lingering().iter().any(|column| !column.is_empty()) {
-            for column in self.lingering() {
+        for block in self.further().iter().filter(|block| block.iter().any(|column| !column.is_empty())) {
+            for column in block {
                 bytes.extend((column.len() as u64).to_le_bytes());
             }
-            for column in self.lingering() {
+            for column in block {
                 bytes.extend(column.iter().flat_map(|v| v.to_le_bytes()));
             }
         }
         bytes
     }
 
-    /// Reads the columns of [`State::lingering`] from the end of the bytes.
-    fn read_lingering(&mut self, bytes: &[u8], like: &Self) -> Result<()> {
-        let lengths = like.lingering().map(|column| column.len() as u64);
-        if lengths == [0; LINGERING + 1] {
-            return if bytes.is_empty() { Ok(()) } else { Err(Self::foreign(OTHER_PLAN)) };
+    /// Reads the blocks of [`State::further`] from the end of the bytes.
+    fn read_further(&mut self, bytes: &[u8], like: &Self) -> Result<()> {
+        let mut rest = bytes;
+        for (block, like) in self.further_mut().into_iter().zip(like.further()) {
+            let lengths: Vec<u64> = like.iter().map(|column| column.len() as u64).collect();
+            let total = lengths.iter().sum::<u64>();
+            if total == 0 {
+                continue;
+            }
+            let expected: Vec<u8> = lengths.iter().flat_map(|n| n.to_le_bytes()).collect();
+            let (header, values) = rest.split_at(rest.len().min(expected.len()));
+            if header != expected || (values.len() as u64) < 2 * total {
+                return Err(Self::foreign(OTHER_PLAN));
+            }
+            let (values, behind) = values.split_at(2 * total as usize);
+            let (words, _) = values.as_chunks::<2>();
+            let mut values = words.iter().map(|w| i16::from_le_bytes(*w));
+            for (column, length) in block.into_iter().zip(lengths) {
+                *column = values.by_ref().take(length as usize).collect();
+            }
+            rest = behind;
         }
-        let (header, rest) = bytes.split_at(bytes.len().min(8 * lengths.len()));
-        let expected: Vec<u8> = lengths.iter().flat_map(|n| n.to_le_bytes()).collect();
-        if header != expected || rest.len() as u64 != 2 * lengths.iter().sum::<u64>() {
-            return Err(Self::foreign(OTHER_PLAN));
-        }
-        let (words, _) = rest.as_chunks::<2>();
-        let mut values = words.iter().map(|w| i16::from_le_bytes(*w));
-        for (column, length) in self.lingering.iter_mut().chain([&mut self.last]).zip(lengths) {
-            *column = values.by_ref().take(length as usize).collect();
-        }
-        Ok(())
+        if rest.is_empty() { Ok(()) } else { Err(Self::foreign(OTHER_PLAN)) }
     }
 
     pub(crate) fn foreign(found: &str) -> Error {
@@ -211,7 +247,7 @@ impl State {
             held_fraction: column(5),
             ..Self::default()
         };
-        state.read_lingering(rest, like)?;
+        state.read_further(rest, like)?;
         Ok(state)
     }
 }
@@ -257,11 +293,15 @@ pub(super) fn start(
     let padded = tables.threshold.len();
     let clock = Clock::new(seeds, Stream::named("start_phase"));
     let asks_fired = rules.lost_increment != 0.0 || moving.is_some_and(Moving::couples);
+    let waits = rules.released != 0 && tables.shot.is_some();
     let mut state = State {
         charge: vec![-1; padded],
         fraction: vec![FLIP as i16; padded],
         surplus: if rules.surplus { vec![0; padded] } else { Vec::new() },
         fired: if asks_fired { vec![0; padded] } else { Vec::new() },
+        // Nothing waits at first, as after a lens cap.
+        waiting: if waits { vec![0; padded] } else { Vec::new() },
+        waiting_fraction: if waits { vec![FLIP as i16; padded] } else { Vec::new() },
         ..State::default()
     };
     for (p, &exact) in origin.thresholds.iter().enumerate() {

@@ -29,6 +29,8 @@ pub struct Tables {
     pub dark: Vec<f32>,
     /// Charge above the threshold at which storage ends, in steps; empty without a bound.
     pub ceiling: Vec<i16>,
+    /// Steps from what it is compared with within which charge is drawn to it and fires by chance; empty where no pixel is so.
+    pub undecided: Vec<i16>,
     /// Quanta, if any.
     pub shot: Option<Shot>,
     /// Threshold noise, if any.
@@ -82,6 +84,8 @@ pub struct Rules {
     pub surplus: bool,
     /// Whole thresholds that one increment may leave beyond the first.
     pub extra_thresholds: u32,
+    /// Share of the quanta's noise that waits which flows into the store at a readout, of 32,768; 0 where none waits.
+    pub released: i16,
     /// Share of the first increment after a spike that is lost.
     pub lost_increment: f32,
     /// Share of the remaining charge that is kept at a spike.
@@ -120,6 +124,7 @@ pub(super) fn build(
     let laws: Vec<Rounded<'_>> = laws.iter().map(|law| Rounded::new(law, scale)).collect();
     // All pixels share what is taken by name; the tables hold what is their own.
     let Law {
+        settling,
         lost_increment,
         lost_remainder,
         missed,
@@ -131,6 +136,7 @@ pub(super) fn build(
         quanta_light: _,
         quanta_dark: _,
         noise: _,
+        undecided: _,
         ceiling: _,
         // A law without noise does not say when that is drawn: the operations do.
         redraw: _,
@@ -155,6 +161,7 @@ pub(super) fn build(
         redraw: redraw(model),
         surplus: scale.storage == Storage::Surplus,
         extra_thresholds: scale.extra_thresholds,
+        released: released(settling),
         lost_increment: lost_increment as f32,
         kept_remainder: (1.0 - lost_remainder) as f32,
         lost_remainder: lost_remainder as f32,
@@ -169,6 +176,11 @@ pub(super) fn build(
     }
     let moving = moving::build(&laws, model.circuit.geometry.width());
     (tables, rules, moving)
+}
+
+/// All at once is no settling.
+fn released(settling: f64) -> i16 {
+    if settling == 0.0 { 0 } else { ((1.0 - settling) * 32_768.0).round().clamp(1.0, 32_767.0) as i16 }
 }
 
 /// A margin below the 32,767 steps of the state.
@@ -222,6 +234,11 @@ fn tables(laws: &[Rounded<'_>], scale: &Scale) -> Tables {
         },
         gain,
         dark: pad(laws, 0.0, |r| (raised(|law| law.dark)(r) + half) as f32),
+        undecided: if laws.iter().any(|r| r.law.undecided > 0.0) {
+            pad(laws, 0, |r| (r.law.undecided * r.whole).round() as i16)
+        } else {
+            Vec::new()
+        },
         ceiling: if scale.storage == Storage::Clamped { pad(laws, 0, ceiling) } else { Vec::new() },
         shot: laws.iter().any(|r| r.law.quantum > 0.0).then(|| Shot {
             keys: keys(padded),

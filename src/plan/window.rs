@@ -67,6 +67,7 @@ impl Cut {
             whole_gain: self.of(&whole.whole_gain, 0),
             dark: self.of(&whole.dark, 0.0),
             ceiling: self.of(&whole.ceiling, 0),
+            undecided: self.of(&whole.undecided, 0),
             shot: whole.shot.as_ref().map(|shot| Shot {
                 keys: self.keys(self.padded),
                 light: self.of(&shot.light, 0.0),

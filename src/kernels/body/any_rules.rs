@@ -12,7 +12,7 @@ use crate::draws::hash::Round;
 use crate::kernels::Job;
 use crate::kernels::body::increment::{Fine, Increment, fixed};
 use crate::kernels::body::pixels::{Constants, Halves, Pixels, halves};
-use crate::kernels::body::step::{borrow, count_surplus, counted, hash, settle};
+use crate::kernels::body::step::{borrow, count_surplus, counted, hash, near, settle};
 use crate::kernels::isa::lanes::Lanes;
 use crate::pixel::Redraw;
 use crate::plan::NoiseTable;
@@ -67,11 +67,23 @@ pub(super) fn gather_charge<L: Lanes>(
     }
     let z = l.gauss(hash(l, constants.pair_keys, &job.batch.rounds().noise[t].shot));
     let mut noise = l.scale(z, increment.multiplier);
+    let released = constants.released;
+    if released != 0 {
+        pixel.wait(l, noise);
+        if let Some(fine) = fine {
+            let part = l.mul_f(l.to_f(l.widen(z)), fine.normal);
+            let part = l.add_f(part, counted(l, job, constants.p, t, &[], fine));
+            pixel.wait_word(l, fixed(l, part, job.plan.rules().clip));
+        }
+        noise = pixel.release(l, released);
+    }
     if loses {
         noise = l.sub_where(shortened, noise, l.scale(noise, constants.lost_share));
     }
     pixel.charge = l.add_saturating(pixel.charge, noise);
-    if let Some(fine) = fine {
+    if let Some(fine) = fine
+        && released == 0
+    {
         let noise = l.mul_f(l.to_f(l.widen(z)), fine.normal);
         let noise = l.add_f(noise, counted(l, job, constants.p, t, &[], fine));
         let clip = job.plan.rules().clip;
@@ -90,10 +102,14 @@ fn either<L: Lanes>(l: L, m: L::Mask, a: Halves<L>, b: Halves<L>) -> Halves<L> {
     (l.select(m, a.0, b.0), l.select(m, a.1, b.1))
 }
 
-/// Whether a comparison or a reset needs fractions of a step, be the threshold moved or not.
+/// Whether a comparison or a reset needs fractions of a step, be the threshold moved or not. Pixels that are undecided do not; few
+/// plans have them here, and what words do need not be written again in halves.
 #[inline(always)]
 pub(super) fn needs_words(job: &Job<'_>) -> bool {
-    job.plan.rules().kept_remainder != 1.0 || matches!(job.plan.tables().noise, Some(NoiseTable::Fine(_)))
+    let undecided = !job.plan.tables().undecided.is_empty();
+    undecided
+        || job.plan.rules().kept_remainder != 1.0
+        || matches!(job.plan.tables().noise, Some(NoiseTable::Fine(_)))
 }
 
 /// This readout's threshold noise in whole steps.
@@ -240,7 +256,14 @@ pub(super) fn compare_words<L: Lanes>(
         noise = l.add_w(noise, moved);
         bar = only.map_or(noise, |only| l.add_w(noise, only));
     }
-    let reached = l.not(l.greater_w(bar, charge));
+    let mut reached = l.not(l.greater_w(bar, charge));
+    let mut charge = charge;
+    if constants.is_undecided {
+        let near = near(l, pixel, l.high(bar), constants.undecided);
+        charge = l.select_w(near, bar, charge);
+        let chance = hash(l, constants.pair_keys, &job.batch.rounds().undecided[t]);
+        reached = l.or(l.and(near, l.not_less(chance, l.splat(0))), l.and(l.not(near), reached));
+    }
     let threshold = l.join(constants.threshold, l.splat(0));
     let borrowed = l.and(l.not(reached), l.greater(pixel.surplus, l.splat(0)));
     let fired = l.or(reached, borrowed);

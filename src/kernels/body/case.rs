@@ -5,11 +5,14 @@
 use crate::kernels::body::moving::moving;
 use crate::kernels::body::noiseless::noiseless;
 use crate::kernels::body::noisy::noisy;
-use crate::kernels::body::step::{CLAMPED, FREE, NONE, READOUT, RESET, SURPLUS};
+use crate::kernels::body::step::{CLAMPED, FREE, LATE, NONE, READOUT, RESET, SURPLUS};
 use crate::kernels::isa::lanes::Lanes;
 use crate::kernels::{Job, Light, Samples};
 use crate::pixel::Redraw;
 use crate::plan::{NoiseTable, StateParts};
+
+const LATE_READOUT: u8 = LATE | READOUT;
+const LATE_RESET: u8 = LATE | RESET;
 
 /// What a job asks of its body.
 #[derive(Clone, Copy, Debug)]
@@ -20,7 +23,8 @@ struct Asks {
     bends: bool,
     /// Quanta are drawn.
     shot: bool,
-    /// Threshold noise in whole steps, or none, where resets keep the remainder.
+    /// Threshold noise in whole steps, or none, where resets keep the remainder; with [`LATE`] where quanta's noise waits or pixels
+    /// are undecided.
     noise: Option<u8>,
     /// How charge is stored.
     store: u8,
@@ -39,12 +43,13 @@ impl Asks {
             (Some(NoiseTable::Whole(_)), Redraw::EveryReset) => Some(RESET),
             (Some(NoiseTable::Fine(_)), _) => None,
         };
+        let late = if rules.released != 0 || !tables.undecided.is_empty() { LATE } else { 0 };
         let grey = |light: &Light<'_>| matches!(light, Light::Held(Samples::U8(_)));
         Self {
             moves: job.plan.moving().is_some_and(|moving| !moving.only_bends_light()),
             bends: job.plan.moving().is_some(),
             shot: tables.shot.is_some(),
-            noise: noise.filter(|_| rules.keeps_remainder()),
+            noise: noise.filter(|_| rules.keeps_remainder()).map(|noise| noise | late),
             store: match (rules.surplus, tables.ceiling.is_empty()) {
                 (true, _) => SURPLUS,
                 (false, true) => FREE,
@@ -134,6 +139,12 @@ cases! {
     /// Quanta, noise frozen from reset to reset, and a bound.
     RESET_CLAMPED:
         Asks { shot: true, noise: Some(RESET), store: CLAMPED, extra: false, .. } => noisy::<L, RESET, CLAMPED, false, false>;
+    /// Quanta whose noise waits, or pixels that are undecided, beside noise drawn at readouts and a bound.
+    LATE_READOUT_CLAMPED:
+        Asks { shot: true, noise: Some(LATE_READOUT), store: CLAMPED, extra: false, .. } => noisy::<L, LATE_READOUT, CLAMPED, false, false>;
+    /// The same beside noise frozen from reset to reset.
+    LATE_RESET_CLAMPED:
+        Asks { shot: true, noise: Some(LATE_RESET), store: CLAMPED, extra: false, .. } => noisy::<L, LATE_RESET, CLAMPED, false, false>;
     /// All that stays, asked at run time.
     ANY_RULES: _ => noisy::<L, NONE, SURPLUS, true, false>;
 }

@@ -166,7 +166,9 @@ impl<L: Lanes> Vector<L> {
             self.constants.dark = dark(l, job, moving, &self.constants, self.dark, t, &mut self.lingering);
             let increment = Increment::new::<true, true>(l, &self.constants, light);
             let fine = if increment.any_fine { Fine::new(l, job, self.constants.p, light) } else { None };
-            let below = job.plan.rules().surplus && !any_rules::needs_words(job) && fine.is_none();
+            // What waits may be from brighter light.
+            let at_once = self.constants.released == 0;
+            let below = job.plan.rules().surplus && at_once && !any_rules::needs_words(job) && fine.is_none();
             let below = below && stays_below(l, &self.constants, &increment, &self.pixels, self.moved.sway);
             self.ready = Some((increment, fine, below));
         }

@@ -130,7 +130,9 @@ impl<L: Lanes> Held<L> {
     /// Whether no pixel has quanta that stray, as in the dark of a camera whose dark current draws none.
     #[inline(always)]
     fn is_quiet(&self, l: L) -> bool {
-        l.bits(l.greater(self.increment.multiplier, l.splat(0))) == 0
+        let drawn = l.bits(l.greater(self.increment.multiplier, l.splat(0))) != 0;
+        // What waits comes in the dark too.
+        !drawn && self.constants.released == 0
     }
 }
 

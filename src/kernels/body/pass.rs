@@ -56,6 +56,8 @@ pub(super) struct Row<'a> {
     pub t: usize,
     pub shot: &'a Round,
     pub thermal: &'a Round,
+    /// Of all readouts of the batch; empty where no pixel is undecided.
+    pub undecided: &'a [Round],
     /// The vector's counts where they were drawn beforehand, else nothing.
     pub counts: &'a [u8],
     /// The tile's bits.
@@ -146,6 +148,7 @@ impl<'a> Pass<'a> {
 pub(super) struct Rows<'a> {
     t: usize,
     noise: Iter<'a, NoiseRound>,
+    undecided: &'a [Round],
     bits: ChunksExactMut<'a, u8>,
 }
 
@@ -154,7 +157,12 @@ impl<'a> Rows<'a> {
     pub fn new(job: &Job<'a>, readouts: Range<usize>, out: &'a mut [u8]) -> Self {
         let (rounds, bytes) = (job.batch.rounds(), job.tile_bytes());
         let bits = &mut out[readouts.start * bytes..readouts.end * bytes];
-        Self { t: readouts.start, noise: rounds.noise[readouts].iter(), bits: bits.chunks_exact_mut(bytes) }
+        Self {
+            t: readouts.start,
+            noise: rounds.noise[readouts].iter(),
+            undecided: &rounds.undecided,
+            bits: bits.chunks_exact_mut(bytes),
+        }
     }
 }
 
@@ -166,6 +174,6 @@ impl<'a> Iterator for Rows<'a> {
         let (bits, NoiseRound { shot, thermal }) = (self.bits.next()?, self.noise.next()?);
         let t = self.t;
         self.t += 1;
-        Some(Row { t, shot, thermal, counts: &[], bits })
+        Some(Row { t, shot, thermal, undecided: self.undecided, counts: &[], bits })
     }
 }

@@ -21,6 +21,8 @@ pub(super) struct Pixels<L: Lanes> {
     pub fired: L::Half,
     pub held: L::Half,
     pub held_fraction: L::Half,
+    pub waiting: L::Half,
+    pub waiting_fraction: L::Half,
 }
 
 impl<L: Lanes> Pixels<L> {
@@ -33,6 +35,8 @@ impl<L: Lanes> Pixels<L> {
             fired: optional(l, state.fired, at),
             held: optional(l, state.held, at),
             held_fraction: optional(l, state.held_fraction, at),
+            waiting: optional(l, state.waiting, at),
+            waiting_fraction: optional(l, state.waiting_fraction, at),
         }
     }
 
@@ -41,7 +45,16 @@ impl<L: Lanes> Pixels<L> {
     pub fn noiseless(l: L, state: &StateParts<'_>, at: usize) -> Self {
         let none = l.splat(0);
         let (charge, fraction) = (l.load(state.charge, at), l.load(state.fraction, at));
-        Self { charge, fraction, surplus: none, fired: none, held: none, held_fraction: none }
+        Self {
+            charge,
+            fraction,
+            surplus: none,
+            fired: none,
+            held: none,
+            held_fraction: none,
+            waiting: none,
+            waiting_fraction: none,
+        }
     }
 
     #[inline(always)]
@@ -58,6 +71,8 @@ impl<L: Lanes> Pixels<L> {
         store_optional(l, state.fired, at, self.fired);
         store_optional(l, state.held, at, self.held);
         store_optional(l, state.held_fraction, at, self.held_fraction);
+        store_optional(l, state.waiting, at, self.waiting);
+        store_optional(l, state.waiting_fraction, at, self.waiting_fraction);
     }
 
     /// Adds words of steps x 65,536, given as their halves; `low_flipped` is
@@ -78,6 +93,29 @@ impl<L: Lanes> Pixels<L> {
     #[inline(always)]
     pub fn add_word(&mut self, l: L, word: L::Word) {
         self.add_halves(l, halves(l, word));
+    }
+
+    /// Adds whole steps of the quanta's noise to what waits.
+    #[inline(always)]
+    pub fn wait(&mut self, l: L, noise: L::Half) {
+        self.waiting = l.add_saturating(self.waiting, noise);
+    }
+
+    /// The same for noise with a fraction.
+    #[inline(always)]
+    pub fn wait_word(&mut self, l: L, word: L::Word) {
+        let (high, low) = halves(l, word);
+        self.waiting_fraction = l.add(self.waiting_fraction, low);
+        let carry = l.greater(l.xor(low, l.splat(i16::MIN)), self.waiting_fraction);
+        self.waiting = l.increment_where(carry, l.add_saturating(self.waiting, high));
+    }
+
+    /// Takes a share of 32,768 from what waits, in whole steps: the rest goes on waiting, so that nothing is lost.
+    #[inline(always)]
+    pub fn release(&mut self, l: L, share: i16) -> L::Half {
+        let released = l.scale(self.waiting, l.splat(share));
+        self.waiting = l.sub(self.waiting, released);
+        released
     }
 
     /// Charge and fraction as one word.
@@ -114,6 +152,11 @@ pub(super) struct Constants<L: Lanes> {
     pub threshold: L::Half,
     pub ceiling: L::Half,
     pub pair_keys: L::Half,
+    pub undecided: L::Half,
+    /// Whether any pixel of the vector is undecided at some readouts.
+    pub is_undecided: bool,
+    /// See [`crate::plan::Rules`].
+    pub released: i16,
     pub noise: L::Half,
     pub whole_gain: L::Half,
     pub gain: L::Float,
@@ -141,6 +184,9 @@ impl<L: Lanes> Constants<L> {
             threshold: l.load(&tables.threshold, p),
             ceiling: optional(l, &tables.ceiling, p),
             pair_keys: zero,
+            undecided: zero,
+            is_undecided: false,
+            released: 0,
             noise: zero,
             whole_gain: optional(l, &tables.whole_gain, p),
             gain: l.load_f(&tables.gain, p),
@@ -158,8 +204,10 @@ impl<L: Lanes> Constants<L> {
     #[inline(always)]
     pub fn load(l: L, job: &Job<'_>, p: usize) -> Self {
         // What a plan says is taken apart, so that nothing of it is forgotten.
-        let Tables { threshold, pair_keys, gain, whole_gain, dark, ceiling, shot, noise } = job.plan.tables();
+        let Tables { threshold, pair_keys, gain, whole_gain, dark, ceiling, undecided, shot, noise } =
+            job.plan.tables();
         let Rules {
+            released,
             lost_increment,
             extra_thresholds,
             clip,
@@ -172,6 +220,7 @@ impl<L: Lanes> Constants<L> {
             greatest_light: _,
         } = *job.plan.rules();
         let none = l.splat_f(0.0);
+        let undecided = optional(l, undecided, p);
         let (whole_from, slope, offset) = match shot {
             Some(s) => (l.load_f(&s.whole_from, p), l.load_f(&s.slope, p), l.load_f(&s.offset, p)),
             None => (none, none, none),
@@ -181,6 +230,9 @@ impl<L: Lanes> Constants<L> {
             threshold: l.load(threshold, p),
             ceiling: optional(l, ceiling, p),
             pair_keys: l.load_pairs(pair_keys, p / 2),
+            undecided,
+            is_undecided: l.bits(l.greater(undecided, l.splat(0))) != 0,
+            released,
             noise: match noise {
                 Some(NoiseTable::Whole(m)) => l.load(m, p),
                 _ => l.splat(0),

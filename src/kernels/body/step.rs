@@ -15,6 +15,14 @@ pub(super) const READOUT: u8 = 1;
 /// Threshold noise in whole steps, drawn at every reset.
 pub(super) const RESET: u8 = 2;
 
+/// Added to the kind of threshold noise: what quanta stray by waits, or pixels are undecided. Which of both is asked at run time.
+pub(super) const LATE: u8 = 4;
+
+/// The kind of threshold noise alone.
+const fn kind(noise: u8) -> u8 {
+    noise & !LATE
+}
+
 /// Charge cannot pass two thresholds: nothing to watch.
 pub(super) const FREE: u8 = 0;
 /// Charge is bounded.
@@ -85,7 +93,17 @@ pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8>(
     pixel: &mut Pixels<L>,
 ) -> L::Mask {
     pixel.add(l, increment.high, increment.low, increment.low_flipped);
-    if fine.is_none_or(|fine| fine.any_normal) {
+    if NOISE & LATE != 0 && constants.released != 0 {
+        let z = l.gauss(hash(l, constants.pair_keys, row.shot));
+        pixel.wait(l, l.scale(z, increment.multiplier));
+        if let Some(fine) = fine {
+            let noise = l.mul_f(l.to_f(l.widen(z)), fine.normal);
+            let noise = l.add_f(noise, counted(l, job, constants.p, row.t, row.counts, fine));
+            pixel.wait_word(l, fixed(l, noise, constants.clip));
+        }
+        let noise = pixel.release(l, constants.released);
+        pixel.charge = l.add_saturating(pixel.charge, noise);
+    } else if fine.is_none_or(|fine| fine.any_normal) {
         let z = l.gauss(hash(l, constants.pair_keys, row.shot));
         pixel.charge = l.add_saturating(pixel.charge, l.scale(z, increment.multiplier));
         if let Some(fine) = fine {
@@ -96,12 +114,17 @@ pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8>(
     } else if let Some(fine) = fine {
         pixel.add_word(l, fixed(l, counted(l, job, constants.p, row.t, row.counts, fine), constants.clip));
     }
-    let fresh = if NOISE == NONE {
+    let fresh = if kind(NOISE) == NONE {
         l.splat(0)
     } else {
         l.scale(l.gauss(hash(l, constants.pair_keys, row.thermal)), constants.noise)
     };
-    fire::<L, NOISE, STORE, false>(l, constants, fresh, pixel)
+    let chance = if NOISE & LATE != 0 && constants.is_undecided {
+        Some(hash(l, constants.pair_keys, &row.undecided[row.t]))
+    } else {
+        None
+    };
+    fire::<L, NOISE, STORE, false>(l, constants, fresh, chance, pixel)
 }
 
 /// One readout of two vectors without [`Fine`], `EXTRA` where they may lose a share of the first increment after a spike, `SHOT`
@@ -120,7 +143,7 @@ pub(super) fn noisy_two<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA:
     let ([c, d], [increment, other], [pixel, more]) = (constants, increments, pixels);
     let keys = [c.pair_keys, d.pair_keys];
     let mut fresh = [l.splat(0); 2];
-    if NOISE != NONE {
+    if kind(NOISE) != NONE {
         let [first, second] = hash_two(l, keys, row.thermal);
         let [first, second] = l.abreast([l.gauss(first), l.gauss(second)]);
         fresh = [l.scale(first, c.noise), l.scale(second, d.noise)];
@@ -130,15 +153,20 @@ pub(super) fn noisy_two<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA:
         let [first, second] = hash_two(l, keys, row.shot);
         shot = l.abreast([l.gauss(first), l.gauss(second)]);
     }
-    gather::<L, EXTRA, SHOT>(l, c, increment, shot[0], pixel);
-    let fired = fire::<L, NOISE, STORE, EXTRA>(l, c, fresh[0], pixel);
-    gather::<L, EXTRA, SHOT>(l, d, other, shot[1], more);
-    [fired, fire::<L, NOISE, STORE, EXTRA>(l, d, fresh[1], more)]
+    let mut chances = [None; 2];
+    if NOISE & LATE != 0 && (c.is_undecided || d.is_undecided) {
+        let [first, second] = hash_two(l, keys, &row.undecided[row.t]);
+        chances = [Some(first), Some(second)];
+    }
+    gather::<L, NOISE, EXTRA, SHOT>(l, c, increment, shot[0], pixel);
+    let fired = fire::<L, NOISE, STORE, EXTRA>(l, c, fresh[0], chances[0], pixel);
+    gather::<L, NOISE, EXTRA, SHOT>(l, d, other, shot[1], more);
+    [fired, fire::<L, NOISE, STORE, EXTRA>(l, d, fresh[1], chances[1], more)]
 }
 
 /// Adds an increment and the noise of its quanta, of which `z` is the draw.
 #[inline(always)]
-fn gather<L: Lanes, const EXTRA: bool, const SHOT: bool>(
+fn gather<L: Lanes, const NOISE: u8, const EXTRA: bool, const SHOT: bool>(
     l: L,
     constants: &Constants<L>,
     increment: &Increment<L>,
@@ -157,6 +185,10 @@ fn gather<L: Lanes, const EXTRA: bool, const SHOT: bool>(
     }
     if SHOT {
         let mut noise = l.scale(z, increment.multiplier);
+        if NOISE & LATE != 0 && constants.released != 0 {
+            pixel.wait(l, noise);
+            noise = pixel.release(l, constants.released);
+        }
         if EXTRA {
             noise = l.sub_where(shortened, noise, l.scale(noise, constants.lost_share));
         }
@@ -164,38 +196,54 @@ fn gather<L: Lanes, const EXTRA: bool, const SHOT: bool>(
     }
 }
 
-/// Bounds the charge, compares it with the threshold, whose noise is `fresh`, and resets who fires; returns the
-/// reported bits.
+/// Bounds the charge, compares it with the threshold, whose noise is `fresh`, and resets who fires, of the undecided those whose
+/// `chance` is not negative; returns the reported bits.
 #[inline(always)]
 fn fire<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA: bool>(
     l: L,
     constants: &Constants<L>,
     fresh: L::Half,
+    chance: Option<L::Half>,
     pixel: &mut Pixels<L>,
 ) -> L::Mask {
     if STORE == CLAMPED {
         pixel.charge = l.min(pixel.charge, constants.ceiling);
     }
-    let noise = if NOISE == RESET { pixel.held } else { fresh };
+    let noise = if kind(NOISE) == RESET { pixel.held } else { fresh };
     if STORE == SURPLUS {
         settle(l, pixel, constants.threshold);
     }
-    let reached = l.not_less(pixel.charge, noise);
+    let mut reached = l.not_less(pixel.charge, noise);
+    if let Some(chance) = chance {
+        let near = near(l, pixel, noise, constants.undecided);
+        pixel.charge = l.select(near, noise, pixel.charge);
+        pixel.fraction = l.select(near, l.splat(i16::MIN), pixel.fraction);
+        reached = l.or(l.and(near, l.not_less(chance, l.splat(0))), l.and(l.not(near), reached));
+    }
     let mut fired = reached;
     if STORE == SURPLUS {
         let extra = constants.extra_thresholds;
         fired = borrow(l, pixel, reached, noise, constants.threshold, extra);
     } else {
-        let amount = if NOISE == NONE { constants.threshold } else { l.add(constants.threshold, noise) };
+        let amount =
+            if kind(NOISE) == NONE { constants.threshold } else { l.add(constants.threshold, noise) };
         pixel.charge = l.sub_where(reached, pixel.charge, amount);
     }
-    if NOISE == RESET {
+    if kind(NOISE) == RESET {
         pixel.held = l.select(fired, fresh, pixel.held);
     }
     if EXTRA {
         pixel.fired = l.select(fired, l.splat(-1), l.splat(0));
     }
     fired
+}
+
+/// Pixels whose charge is less than `width` steps from what it is compared with, and that hold no surplus, which has decided already.
+#[inline(always)]
+pub(super) fn near<L: Lanes>(l: L, pixel: &Pixels<L>, bar: L::Half, width: L::Half) -> L::Mask {
+    let above = l.greater(l.add_saturating(pixel.charge, width), bar);
+    let below = l.greater(l.add_saturating(bar, width), pixel.charge);
+    l.and(l.and(above, below), l.not(l.greater(pixel.surplus, l.splat(0))))
 }
 
 /// Whether no pixel can come to hold a second threshold, so that none is counted as surplus: charge that is left below a threshold

@@ -148,6 +148,10 @@ impl Lanes for Avx2 {
         proven!(_mm256_add_epi16(a, b))
     }
     #[inline(always)]
+    fn sub(self, a: __m256i, b: __m256i) -> __m256i {
+        proven!(_mm256_sub_epi16(a, b))
+    }
+    #[inline(always)]
     fn add_saturating(self, a: __m256i, b: __m256i) -> __m256i {
         proven!(_mm256_adds_epi16(a, b))
     }

@@ -129,6 +129,10 @@ impl Lanes for Avx512 {
         proven!(_mm512_add_epi16(a, b))
     }
     #[inline(always)]
+    fn sub(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_sub_epi16(a, b))
+    }
+    #[inline(always)]
     fn add_saturating(self, a: __m512i, b: __m512i) -> __m512i {
         proven!(_mm512_adds_epi16(a, b))
     }

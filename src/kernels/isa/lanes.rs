@@ -39,6 +39,8 @@ pub(crate) trait Lanes: Copy {
     fn splat(self, v: i16) -> Self::Half;
     /// Wrapping sum.
     fn add(self, a: Self::Half, b: Self::Half) -> Self::Half;
+    /// Wrapping difference.
+    fn sub(self, a: Self::Half, b: Self::Half) -> Self::Half;
     /// Saturating sum of signed words.
     fn add_saturating(self, a: Self::Half, b: Self::Half) -> Self::Half;
     /// Smaller of signed words.

@@ -68,6 +68,10 @@ impl Lanes for Portable {
         a + b
     }
     #[inline(always)]
+    fn sub(self, a: Shorts, b: Shorts) -> Shorts {
+        a - b
+    }
+    #[inline(always)]
     fn add_saturating(self, a: Shorts, b: Shorts) -> Shorts {
         a.saturating_add(b)
     }

@@ -143,6 +143,7 @@ fn readout(
     let Rules {
         flip,
         // In `gather_charge`, `compare` and `step`;
+        released: _,
         lost_increment: _,
         redraw: _,
         surplus: _,
@@ -160,6 +161,7 @@ fn readout(
         dark: _,
         shot: _,
         threshold: _,
+        undecided: _,
         noise: _,
         // two that only save the lanes some work.
         pair_keys: _,
@@ -199,17 +201,31 @@ fn gather_charge(job: &Job<'_>, p: usize, t: usize, increment: &Increment, pixel
     let rounds = job.batch.rounds();
     let z = unit(rounds.noise[t].shot, p);
     let mut noise = scaled(z, increment.multiplier);
+    if rules.released != 0 {
+        pixel.waiting.add(i32::from(noise) << 16);
+        pixel.waiting.add(fine_noise(job, p, t, z, increment, 1.0));
+        // In whole steps: the rest goes on waiting, so that nothing is lost.
+        noise = scaled(pixel.waiting.whole, rules.released);
+        pixel.waiting.whole = pixel.waiting.whole.wrapping_sub(noise);
+    }
     if shortened {
         noise = noise.wrapping_sub(scaled(noise, (rules.lost_increment * 32_768.0) as i16));
     }
     pixel.charge = pixel.charge.saturating_add(noise);
+    if rules.released == 0 {
+        pixel.add(fine_noise(job, p, t, z, increment, kept));
+    }
+}
+
+/// Noise with a fraction, of which the share `kept` counts; `z` is the normal draw.
+fn fine_noise(job: &Job<'_>, p: usize, t: usize, z: i16, increment: &Increment, kept: f32) -> i32 {
     if increment.quantum == 0.0 && increment.fine == 0.0 {
-        return;
+        return 0;
     }
     let mut fine = f32::from(z) * increment.fine;
     if let Some(counts) = job.plan.counts() {
-        let count = counts.draw(increment.count, bits(key(p as u32), rounds.counts[t]));
+        let count = counts.draw(increment.count, bits(key(p as u32), job.batch.rounds().counts[t]));
         fine += (count as f32 - increment.count.mean) * increment.quantum;
     }
-    pixel.add(fixed(fine * kept));
+    fixed(fine * kept)
 }

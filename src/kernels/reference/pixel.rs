@@ -5,6 +5,23 @@ use crate::draws::hash::{Round, bits, half, key};
 use crate::kernels::Samples;
 use crate::plan::{ADAPTED, LATE, LOW, SLOW, StateParts};
 
+/// Whole steps and a fraction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Steps {
+    pub whole: i16,
+    pub fraction: u16,
+}
+
+impl Steps {
+    /// Adds steps x 65,536; whole steps saturate.
+    pub fn add(&mut self, fixed: i32) {
+        let (fraction, carry) = self.fraction.overflowing_add(fixed as u16);
+        self.fraction = fraction;
+        let whole = self.whole.saturating_add((fixed >> 16) as i16);
+        self.whole = whole.saturating_add(i16::from(carry));
+    }
+}
+
 /// A pixel's state in registers of comfortable width.
 pub(super) struct Pixel {
     pub charge: i16,
@@ -12,6 +29,7 @@ pub(super) struct Pixel {
     pub surplus: i16,
     pub fired: bool,
     pub held: i32,
+    pub waiting: Steps,
     pub lingering: Lingering,
 }
 
@@ -34,6 +52,10 @@ impl Pixel {
             surplus: state.surplus.get(i).copied().unwrap_or(0),
             fired: state.fired.get(i).is_some_and(|f| *f != 0),
             held: i32::from(held) << 16 | i32::from(held_fraction as u16),
+            waiting: Steps {
+                whole: state.waiting.get(i).copied().unwrap_or(0),
+                fraction: state.waiting_fraction.get(i).copied().unwrap_or(0) as u16 ^ 0x8000,
+            },
             lingering: Lingering::load(state, i),
         }
     }
@@ -46,6 +68,8 @@ impl Pixel {
             (&mut state.fired, -i16::from(self.fired)),
             (&mut state.held, (self.held >> 16) as i16),
             (&mut state.held_fraction, self.held as i16),
+            (&mut state.waiting, self.waiting.whole),
+            (&mut state.waiting_fraction, (self.waiting.fraction ^ 0x8000) as i16),
         ];
         for (column, value) in optional {
             if let Some(slot) = column.get_mut(i) {
@@ -57,10 +81,9 @@ impl Pixel {
 
     /// Adds steps x 65,536 to the charge; whole steps saturate.
     pub fn add(&mut self, fixed: i32) {
-        let (fraction, carry) = self.fraction.overflowing_add(fixed as u16);
-        self.fraction = fraction;
-        let whole = self.charge.saturating_add((fixed >> 16) as i16);
-        self.charge = whole.saturating_add(i16::from(carry));
+        let mut sum = Steps { whole: self.charge, fraction: self.fraction };
+        sum.add(fixed);
+        (self.charge, self.fraction) = (sum.whole, sum.fraction);
     }
 }
 

@@ -1,5 +1,6 @@
 //! The reference's comparison with the threshold and its reset.
 
+use crate::draws::hash::{bits, half, key};
 use crate::kernels::Job;
 use crate::kernels::reference::moving::Moves;
 use crate::kernels::reference::pixel::{Pixel, fixed, scaled, unit};
@@ -32,7 +33,14 @@ pub(super) fn compare(
         pixel.surplus -= 1;
     }
     let mut charge = i32::from(pixel.charge) << 16 | i32::from(pixel.fraction);
-    let reached = charge >= noise.wrapping_add(moves.map_or(0, |m| m.compared(job, p, t)));
+    let bar = noise.wrapping_add(moves.map_or(0, |m| m.compared(job, p, t)));
+    let mut reached = charge >= bar;
+    let width = tables.undecided.get(p).copied().unwrap_or(0);
+    // Whole steps are compared; counted surplus has decided already.
+    if pixel.surplus <= 0 && is_near((charge >> 16) as i16, (bar >> 16) as i16, width) {
+        charge = bar;
+        reached = half(bits(key(p as u32 / 2), job.batch.rounds().undecided[t]), p) as i16 >= 0;
+    }
     let borrowed = !reached && pixel.surplus > 0;
     let fired = reached || borrowed;
     if fired {
@@ -59,6 +67,11 @@ pub(super) fn compare(
     pixel.charge = (charge >> 16) as i16;
     pixel.fraction = charge as u16;
     fired
+}
+
+/// Whether charge is less than `width` steps from the bar.
+fn is_near(charge: i16, bar: i16, width: i16) -> bool {
+    charge.saturating_add(width) > bar && bar.saturating_add(width) > charge
 }
 
 /// The charge above the threshold of a pixel that holds `stored` after a reset which loses a remainder: of the
