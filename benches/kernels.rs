@@ -33,8 +33,13 @@ fn camera(noise: &str) -> Camera {
     }
     let thermal = typical("thermal_noise").with_text("redraw", "every-readout").unwrap();
     let camera = camera.with(typical("shot_noise")).with(thermal);
-    if noise == "full" {
-        return camera;
+    let jitter = || typical("readout_jitter").with("row", 125.0).unwrap().with("spread", 10.0).unwrap();
+    match noise {
+        "full" => return camera,
+        "full, correlated shot noise" => return camera.with(typical("correlated_shot_noise")),
+        "full, a band of jitter" => return camera.with(jitter()),
+        "full, both" => return camera.with(typical("correlated_shot_noise")).with(jitter()),
+        _ => {}
     }
     let dark = typical("dark_current").with("mean", 0.1).unwrap().with("sigma", 0.02).unwrap();
     camera.with(typical("dark_shot_noise")).with(dark)
@@ -68,7 +73,8 @@ fn backends() -> Vec<Backend> {
 
 fn kernels(c: &mut Criterion) {
     let mut out = vec![0; READOUTS * TILE / 8];
-    for noise in ["ideal", "fixed", "full", "few-electrons"] {
+    let late = ["full, correlated shot noise", "full, a band of jitter", "full, both"];
+    for noise in ["ideal", "fixed", "full"].into_iter().chain(late).chain(["few-electrons"]) {
         let plan = Plan::new(&camera(noise), Seeds::default()).unwrap();
         let level = |p: usize, t: usize| {
             if noise == "few-electrons" { 0 } else { 60 + ((p * 7 + t * 13) % 40) as u8 }

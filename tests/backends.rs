@@ -264,6 +264,7 @@ proptest! {
         spread in 0.0f64..0.5,
         redraw in prop_oneof![Just("every-readout"), Just("every-reset")],
         spurious in any::<bool>(),
+        late in any::<[bool; 2]>(),
         readouts in prop_oneof![1usize..40, 60usize..70, 120usize..140],
         seed in any::<u64>(),
     ) {
@@ -276,6 +277,11 @@ proptest! {
             .with(typical("thermal_noise").with_text("redraw", redraw).unwrap());
         if spurious {
             camera = camera.with(typical("false_spikes"));
+        }
+        for (name, there) in ["correlated_shot_noise", "readout_jitter"].into_iter().zip(late) {
+            if there {
+                camera = camera.with(typical(name));
+            }
         }
         let seeds = Seeds { shot: seed, ..Seeds::default() };
         let plan = Plan::with_light(&camera, seeds, 1.0).unwrap();
@@ -291,7 +297,7 @@ proptest! {
 }
 
 /// What may stand beside the noise of a camera under held light, each by itself or none.
-const BESIDE: [Option<&str>; 15] = [
+const BESIDE: [Option<&str>; 17] = [
     None,
     Some("missed_spikes"),
     Some("false_spikes"),
@@ -307,6 +313,8 @@ const BESIDE: [Option<&str>; 15] = [
     Some("telegraph_dark"),
     Some("spike_coupling"),
     Some("supply_droop"),
+    Some("correlated_shot_noise"),
+    Some("readout_jitter"),
 ];
 
 proptest! {
@@ -324,13 +332,14 @@ proptest! {
         dark_quanta in any::<bool>(),
         moves in any::<bool>(),
         beside in 0..BESIDE.len(),
+        redraw in prop_oneof![Just("every-readout"), Just("every-reset")],
         width in 60u32..150,
         readouts in 1usize..150,
         seed in any::<u64>(),
     ) {
         let typical = |name: &str| effects::find(name).unwrap().typical();
         let with = |name: &str, key: &str, value: f64| effects::find(name).unwrap().neutral().with(key, value).unwrap();
-        let noise = with("thermal_noise", "sigma", noise).with_text("redraw", "every-readout").unwrap();
+        let noise = with("thermal_noise", "sigma", noise).with_text("redraw", redraw).unwrap();
         let mut camera = Camera::ideal(Sensor::new(width, 2, 20_000.0).unwrap())
             .with(typical("prnu"))
             .with(typical("bias_voltage"))

@@ -211,7 +211,8 @@ fn further_cameras(width: u32, height: u32) -> Vec<Camera> {
     let cameras = effects::ALL.iter().map(|d| base.clone().with(d.typical()));
     let wanted = cameras.filter(|camera| {
         let plan = Plan::with_light(camera, seeds(1), 0.8).unwrap();
-        plan.moving().is_some() || plan.losses().any()
+        let late = plan.rules().released != 0 || !plan.tables().undecided.is_empty();
+        late || plan.moving().is_some() || plan.losses().any()
     });
     wanted.collect()
 }

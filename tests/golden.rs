@@ -79,6 +79,23 @@ fn cases() -> Vec<(&'static str, Camera, Kind)> {
                 .fold(preset("physical", 37, 9), |camera, name| camera.with(effect(name))),
             Kind::U8,
         ),
+        (
+            "quanta that settle and undecided rows",
+            ["correlated_shot_noise", "readout_jitter"]
+                .iter()
+                .fold(preset("physical", 41, 70), |camera, name| camera.with(effect(name))),
+            Kind::Between,
+        ),
+        (
+            "counted quanta that settle, undecided rows beside fine noise",
+            ["correlated_shot_noise", "readout_jitter", "dead_time"].iter().fold(
+                camera_with(96, 3, &[("shot_noise", dim_shot), ("thermal_noise", &[("sigma", 1e-4)])]),
+                |camera, name| camera.with(effect(name)),
+            ),
+            Kind::U8,
+        ),
+        ("vidar-measured u8", preset("vidar-measured", 50, 230), Kind::U8),
+        ("vidar-lowlight u16", preset("vidar-lowlight", 65, 3), Kind::U16),
     ]
 }
 

@@ -13,7 +13,7 @@ pub static EFFECT: Definition = Definition::new(
     &[Param::number(
         "strength",
         Unit::One,
-        (0.0, 100.0),
+        (0.0, 10_000.0),
         0.0,
         1.0,
         "factor on the variance; 1 is the physics",

@@ -16,6 +16,15 @@ pub static EFFECT: Definition = Definition::new(
             .tried(Tried::amplitude((0.0, 0.05), &[0.004])),
         Param::number("factor", Unit::One, (0.0, 1e4), 1.0, 8.0, "their dark current over the mean")
             .tried(Tried::shape((1.5, 60.0), &[5.0, 12.0])),
+        Param::number(
+            "tail",
+            Unit::One,
+            (0.0, 1.0),
+            0.0,
+            0.0,
+            "the hottest share q of them has q^-tail times that factor or more (a Pareto law)",
+        )
+        .coming_later(),
     ],
 )
 .with_edit(edit)
@@ -30,12 +39,18 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern)
     let mean = circuit.dark_pa.iter().sum::<f64>() / circuit.dark_pa.len() as f64;
     for (dark, u) in circuit.dark_pa.iter_mut().zip(pattern.uniforms()) {
         if u < v[0] {
-            *dark += (v[1] - 1.0) * mean;
+            // What is left of the draw is uniform again.
+            let factor = if v[2] == 0.0 { v[1] } else { v[1] * libm::pow((u / v[0]).max(1e-6), -v[2]) };
+            *dark += (factor - 1.0) * mean;
         }
     }
 }
 
 fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
+    if v[2] > 0.0 {
+        // From a tail of a half on the law has no variance, and a few pixels decide.
+        return None;
+    }
     let extra = (v[1] - 1.0) * at.from_dark / at.increment();
     Some(Moments {
         rate: v[0] * (v[1] - 1.0) * at.from_dark,

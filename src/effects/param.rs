@@ -41,6 +41,9 @@ pub struct Param {
     pub help: &'static str,
     /// Where a diagnosis tries it; `None` for what stays neutral there.
     pub tried: Option<Tried>,
+    /// Whether cameras were written before there was this one: their texts, and what is keyed by them, must not change, so
+    /// it is written only where it is not neutral.
+    pub came_later: bool,
 }
 
 impl Param {
@@ -54,7 +57,15 @@ impl Param {
         typical: f64,
         help: &'static str,
     ) -> Self {
-        Self { key, form: Form::Number { unit, low, high }, neutral, typical, help, tried: None }
+        Self {
+            key,
+            form: Form::Number { unit, low, high },
+            neutral,
+            typical,
+            help,
+            tried: None,
+            came_later: false,
+        }
     }
 
     /// A word out of `words`; the first is the neutral one.
@@ -65,13 +76,28 @@ impl Param {
         typical: usize,
         help: &'static str,
     ) -> Self {
-        Self { key, form: Form::Choice(words), neutral: 0.0, typical: typical as f64, help, tried: None }
+        Self {
+            key,
+            form: Form::Choice(words),
+            neutral: 0.0,
+            typical: typical as f64,
+            help,
+            tried: None,
+            came_later: false,
+        }
     }
 
     /// This number, which a diagnosis tries too.
     #[must_use]
     pub const fn tried(mut self, tried: Tried) -> Self {
         self.tried = Some(tried);
+        self
+    }
+
+    /// This parameter, which an effect got after cameras with it had been written.
+    #[must_use]
+    pub const fn coming_later(mut self) -> Self {
+        self.came_later = true;
         self
     }
 

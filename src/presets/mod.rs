@@ -48,6 +48,7 @@ presets![
     "scsim-code",
     "physical",
     "vidar-measured",
+    "vidar-lowlight",
     "spcs",
     "neuspike",
     "spikingsim",

@@ -69,7 +69,8 @@ pub fn to_toml(camera: &Camera) -> Result<Saved> {
     let mut saved = Vec::new();
     let effects = camera.effects().iter().map(|effect| {
         let params = effect.definition().params.iter().zip(effect.values());
-        let table = params.map(|(p, v)| (p.key, Value::of(p, *v))).collect();
+        let written = params.filter(|(p, v)| !p.came_later || **v != p.neutral);
+        let table = written.map(|(p, v)| (p.key, Value::of(p, *v))).collect();
         (effect.name(), table)
     });
     let sensor = &camera.sensor;

@@ -23,6 +23,9 @@ impl Job {
     }
 }
 
+/// Effects that came when pairs were drawn already.
+const LATER: [&str; 2] = ["correlated_shot_noise", "readout_jitter"];
+
 /// All sensors that are asked for, in the order in which they run: so many clean ones, of each single effect, of each from outside,
 /// of doubles and of triples, of the effects in `names` or of all.
 pub(crate) fn jobs(counts: [usize; 5], names: &[String]) -> Vec<Job> {
@@ -34,6 +37,8 @@ pub(crate) fn jobs(counts: [usize; 5], names: &[String]) -> Vec<Job> {
     let all: Vec<&'static Kind> = INSIDE.iter().collect();
     let inside: Vec<&'static Kind> =
         all.iter().filter(chosen).copied().filter(|k| !base.contains(&k.name)).collect();
+    // Pairs and triples are drawn from those that were there first, so that an index keeps its sensor.
+    let paired: Vec<&'static Kind> = inside.iter().copied().filter(|k| !LATER.contains(&k.name)).collect();
     let most = counts.into_iter().max().unwrap_or(0);
     let mut jobs = Vec::new();
     for index in 0..most {
@@ -55,10 +60,10 @@ pub(crate) fn jobs(counts: [usize; 5], names: &[String]) -> Vec<Job> {
         }
         jobs.extend(outside);
         if index < doubles {
-            jobs.push(Job { class: "double", kinds: several(&inside, 2, index), index });
+            jobs.push(Job { class: "double", kinds: several(&paired, 2, index), index });
         }
         if index < triples {
-            jobs.push(Job { class: "triple", kinds: several(&inside, 3, index), index });
+            jobs.push(Job { class: "triple", kinds: several(&paired, 3, index), index });
         }
     }
     jobs

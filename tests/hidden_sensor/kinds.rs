@@ -19,7 +19,7 @@ fn sign(u: f64) -> f64 {
 }
 
 /// The catalogue.
-pub const INSIDE: [Kind; 33] = [
+pub const INSIDE: [Kind; 35] = [
     Kind { name: "dead_time", largest: 0.1, set: |p, s, _| p.dead_time += s },
     Kind { name: "response_nonlinearity", largest: 0.1, set: |p, s, u| p.quadratic = s * sign(u[0]) },
     Kind { name: "partial_reset", largest: 1.0, set: |p, s, _| p.lost_remainder = s },
@@ -67,6 +67,12 @@ pub const INSIDE: [Kind; 33] = [
     Kind { name: "dark_tail", largest: 1.0, set: |p, s, _| p.dark_log_sigma = s },
     Kind { name: "gain_dark_correlation", largest: 1.0, set: |p, s, u| p.gain_dark = s * sign(u[0]) },
     Kind { name: "edge_columns", largest: 0.5, set: |p, s, _| p.edge = 1.0 + s },
+    Kind { name: "correlated_shot_noise", largest: 60.0, set: |p, s, _| p.settle = s },
+    Kind {
+        name: "readout_jitter",
+        largest: 0.03,
+        set: |p, s, u| p.undecided = (s, 48.0 * u[0], log(16.0, 500.0, u[1])),
+    },
     // The published model with another number: misfits.
     Kind { name: "thermal_noise", largest: 3.0, set: |p, s, _| p.threshold_noise *= 1.0 + s },
     Kind { name: "prnu", largest: 2.0, set: |p, s, _| p.gain_spread *= 1.0 + s },

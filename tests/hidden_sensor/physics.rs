@@ -21,6 +21,10 @@ pub struct Physics {
     pub leak: f64,
     pub dark_shot: f64,
     pub comparator: f64,
+    /// Readouts over which what quanta stray by flows in.
+    pub settle: f64,
+    /// Width in thresholds, row in the middle, rows of the band.
+    pub undecided: (f64, f64, f64),
     pub slow: (f64, f64),
     pub adaptation: (f64, f64),
     pub telegraph: (f64, f64, f64),
@@ -75,6 +79,8 @@ impl Default for Physics {
             leak: 0.0,
             dark_shot: 0.0,
             comparator: 0.0,
+            settle: 0.0,
+            undecided: (0.0, 0.0, 1.0),
             slow: (0.0, 1.0),
             adaptation: (0.0, 0.0),
             telegraph: (0.0, 0.0, 0.0),

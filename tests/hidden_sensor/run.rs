@@ -30,6 +30,7 @@ struct Streams {
     frames: Generator,
     switching: Generator,
     bursts: Generator,
+    coins: Generator,
 }
 
 impl Streams {
@@ -46,6 +47,7 @@ impl Streams {
             frames: of("frames"),
             switching: of("telegraph"),
             bursts: of("bursts"),
+            coins: of("coins"),
         }
     }
 }
@@ -58,6 +60,8 @@ struct Pixels {
     wandered: Vec<f64>,
     stored: Vec<f64>,
     switched: Vec<bool>,
+    /// Electrons too many that have not flowed in yet.
+    strayed: Vec<f64>,
     remembered: Vec<f64>,
     /// What fired at the readout before.
     echo: Vec<bool>,
@@ -80,6 +84,7 @@ pub fn record(sensor: &Sensor, scene: Scene, readouts: usize, number: u64) -> Ve
             .collect(),
         stored: vec![0.0; n],
         switched: (0..n).map(|i| sensor.switching[i] && streams.switching.random::<bool>()).collect(),
+        strayed: vec![0.0; n],
         remembered: vec![0.0; n],
         echo: vec![false; n],
     };
@@ -187,7 +192,16 @@ fn readout(
     let mut frame = vec![false; n];
     for i in 0..n {
         let mean = arriving(sensor, light[i] * lamp, i, pixels);
-        let mut gathered = electrons(&mut streams.light, mean) + dark(sensor, i, pixels, streams);
+        let lit = electrons(&mut streams.light, mean);
+        let (dark, dark_mean) = dark(sensor, i, pixels, streams);
+        let mut gathered = lit + dark;
+        if p.settle > 0.0 {
+            // A reservoir empties by the same share of what it holds at every readout.
+            pixels.strayed[i] += gathered - mean - dark_mean;
+            let stays = (-1.0 / p.settle).exp() * pixels.strayed[i];
+            gathered = mean + dark_mean + pixels.strayed[i] - stays;
+            pixels.strayed[i] = stays;
+        }
         if pixels.fired[i] {
             gathered *= 1.0 - p.dead_time;
         }
@@ -218,7 +232,8 @@ fn arriving(sensor: &Sensor, light: f64, i: usize, pixels: &mut Pixels) -> f64 {
     (1.0 - p.lag.0) * now + late
 }
 
-fn dark(sensor: &Sensor, i: usize, pixels: &mut Pixels, streams: &mut Streams) -> f64 {
+/// Electrons of the dark current, and their mean.
+fn dark(sensor: &Sensor, i: usize, pixels: &mut Pixels, streams: &mut Streams) -> (f64, f64) {
     let p = &sensor.physics;
     let mut mean = sensor.dark[i];
     if sensor.switching[i] {
@@ -233,9 +248,9 @@ fn dark(sensor: &Sensor, i: usize, pixels: &mut Pixels, streams: &mut Streams) -
         mean *= 1.0 + p.dark_memory.0 * pixels.remembered[i];
     }
     if p.dark_shot == 0.0 {
-        return mean;
+        return (mean, mean);
     }
-    mean + p.dark_shot.sqrt() * (electrons(&mut streams.dark, mean) - mean)
+    (mean + p.dark_shot.sqrt() * (electrons(&mut streams.dark, mean) - mean), mean)
 }
 
 /// Whether the pixel fires; noise is drawn only where it can decide.
@@ -253,7 +268,10 @@ fn compare(sensor: &Sensor, i: usize, common: f64, pixels: &mut Pixels, streams:
     let moved = own * (common * (1.0 + pixels.wandered[i] + pixels.raised[i]) - 1.0);
     let sigma = p.electrons * p.threshold_noise * sensor.noise[i];
     let silent = p.electrons * p.comparator;
-    let reach = 6.5 * sigma.hypot(silent);
+    let (widest, middle, rows) = p.undecided;
+    let away = ((i / sensor.width) as f64 - middle) / rows;
+    let width = own * widest * (-away * away / 2.0).exp();
+    let reach = 6.5 * sigma.hypot(silent) + width;
     let gap = pixels.missing[i] + moved;
     pixels.fired[i] = false;
     if gap > reach {
@@ -261,7 +279,16 @@ fn compare(sensor: &Sensor, i: usize, common: f64, pixels: &mut Pixels, streams:
     }
     let noise = sigma * normal(&mut streams.threshold);
     let unseen = if silent > 0.0 { silent * normal(&mut streams.comparator) } else { 0.0 };
-    if gap + noise + unseen > 0.0 {
+    let short = gap + noise + unseen;
+    let mut gap = gap;
+    if short.abs() < width {
+        // Drawn to the threshold, then heads or tails.
+        pixels.missing[i] -= short;
+        gap -= short;
+        if streams.coins.random::<bool>() {
+            return false;
+        }
+    } else if short > 0.0 {
         return false;
     }
     pixels.fired[i] = true;

@@ -6,6 +6,7 @@ mod common_oracle;
 mod fixed_point;
 mod ideal;
 mod intervals;
+mod late;
 mod moments;
 mod poisson;
 mod scsim;

@@ -1,6 +1,6 @@
 //! `spikelane compare`: models against a measured camera.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args as ClapArgs;
 
@@ -51,6 +51,9 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 10, requires = "realism",
           value_parser = clap::value_parser!(u16).range(2..))]
     simulated: u16,
+    /// With --realism: a map of a real camera's dark rates (.npy, spikes a readout), listed beside those of the cameras
+    #[arg(long, value_name = "FILE", requires = "realism")]
+    dark: Option<PathBuf>,
     #[command(flatten)]
     seeds: SeedArgs,
     /// Folder for comparison.json and comparison.html.
@@ -183,6 +186,7 @@ fn windows(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<F
         longest: args.longest,
         rows: args.rows.clone(),
         seeds,
+        dark: args.dark.as_deref().map(dark_map).transpose()?,
     };
     let recording = args.stream.open(&args.measured, out)?;
     let mut progress = Files::new(out);
@@ -204,14 +208,31 @@ fn windows(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<F
         json!({"name": r.name, "auc": r.auc, "floor": r.floor, "decided": r.is_decided(), "tell": tell})
     };
     let models: Vec<Value> = found.rows.iter().map(&mut row).collect();
-    text += &found.verdict();
-    text.push('\n');
+    let lines = found.numbers.iter().map(|n| n.text() + "\n").collect::<String>();
+    let head = found.numbers.first().map_or_else(String::new, |n| n.head() + "\n");
+    text += &format!(
+        "\n{head}{lines}(D in readouts squared; early and late intervals in a million)\n\n{}\n",
+        found.verdict()
+    );
     let summary = json!({
+        "numbers": found.numbers,
         "windows": found.windows, "places": found.places, "rate": found.rate, "left_out": found.left_out,
         "models": models, "verdict": found.verdict(),
     });
     let (page, features) = (found.page()?, Some(found.features.clone()));
     Ok(Found { all: to_value(&found)?, page, summary, text, features })
+}
+
+/// Rates of every pixel in the dark.
+fn dark_map(path: &Path) -> Result<Vec<f64>> {
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path.display(), e))?;
+    let (_, rates) = crate::npy::read_values(&path.display().to_string(), &bytes)?;
+    if rates.is_empty() || rates.iter().any(|r| !(0.0..=1.0).contains(r)) {
+        return Err(Error::new(Kind::Input, path.display())
+            .found("rates outside of 0 to 1, or none")
+            .expected("spikes a readout in the dark, one per pixel"));
+    }
+    Ok(rates)
 }
 
 /// `SIDE,READOUTS`.

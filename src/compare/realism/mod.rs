@@ -5,6 +5,7 @@
 
 mod discriminator;
 mod matched;
+mod numbers;
 mod page;
 mod times;
 mod windows;
@@ -14,6 +15,7 @@ use serde::Serialize;
 pub use discriminator::Auc;
 use discriminator::{Seen, auc, scores};
 use matched::Matched;
+pub use numbers::Numbers;
 use times::Times;
 pub use windows::Window;
 use windows::{Cutter, Sample, lags, names, seen};
@@ -42,12 +44,14 @@ pub struct RealismOptions {
     pub rows: Option<std::ops::Range<usize>>,
     /// Seeds of the simulated cameras.
     pub seeds: Seeds,
+    /// Rates of a real camera's pixels in the dark, in spikes per readout, to be listed beside those of the cameras.
+    pub dark: Option<Vec<f64>>,
 }
 
 impl Default for RealismOptions {
     fn default() -> Self {
         let window = Window::default();
-        Self { window, simulated: 10, longest: 2000, rows: None, seeds: Seeds::default() }
+        Self { window, simulated: 10, longest: 2000, rows: None, seeds: Seeds::default(), dark: None }
     }
 }
 
@@ -115,6 +119,8 @@ pub struct Realism {
     pub rate: f64,
     /// Cameras, the least easily told first.
     pub rows: Vec<RealismRow>,
+    /// Numbers of the whole recording, then of each camera's.
+    pub numbers: Vec<Numbers>,
     /// Every window, for a discriminator of your own: camera or `real`, place, row, rate, values.
     #[serde(skip)]
     pub features: String,
@@ -153,9 +159,17 @@ pub fn realism(
         left_out: used.iter().filter(|u| !**u).count() as f64 / used.len() as f64,
         rate: own.iter().map(|s| s.rate).sum::<f64>() / own.len() as f64,
         rows: Vec::new(),
+        numbers: Vec::new(),
         features: head(&names),
     };
     add_features(&mut found.features, "real", &own);
+    let counted: Vec<bool> = used
+        .iter()
+        .enumerate()
+        .map(|(p, used)| *used && cutter.rows.contains(&(p / real.geometry.width())))
+        .collect();
+    let dark = options.dark.clone().map(numbers::quantiles);
+    found.numbers.push(Numbers::of("real", std::slice::from_ref(&real), &counted, dark));
     for (i, camera) in cameras.iter().enumerate() {
         tell(&camera.name, i as f64 / cameras.len() as f64);
         let matched = Matched::new(camera, &lines, &real, options.seeds)?;
@@ -163,6 +177,8 @@ pub fn realism(
         let simulated: Vec<Vec<Sample>> =
             recordings.iter().map(|times| cutter.samples(times, &times.lines())).collect();
         simulated.iter().for_each(|samples| add_features(&mut found.features, &camera.name, samples));
+        let dark = options.dark.as_ref().map(|_| numbers::dark_of(camera, options.seeds)).transpose()?;
+        found.numbers.push(Numbers::of(&camera.name, &recordings, &counted, dark));
         found.rows.push(row(&camera.name, &names, &own, &simulated));
     }
     found.rows.sort_by(|a, b| a.auc.value.total_cmp(&b.auc.value));

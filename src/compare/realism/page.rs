@@ -1,5 +1,6 @@
 //! The page of a comparison by windows.
 
+use super::numbers::{LAGS, SHARES, variance};
 use super::{Auc, Realism, RealismRow};
 use crate::error::Result;
 use crate::report::{Part, Row, Table, page, ranked};
@@ -59,6 +60,8 @@ impl Realism {
                 "Told: chance that a real window scores above a simulated one, by a logistic regression that has not seen their place, with the interval of 95 % over places; 0.5 would be a camera that nobody tells from the real one. Floor: the same between recordings of one simulated camera.",
             ),
         ];
+        parts.push(Part::heading("Whole recordings"));
+        parts.push(Part::Table(self.whole()));
         for row in &self.rows {
             parts.push(Part::heading(&row.name));
             parts.push(Part::Table(tells(row)));
@@ -66,6 +69,25 @@ impl Realism {
             parts.push(Part::Table(by_part(row)));
         }
         page("Comparison with a real recording, window by window", &parts)
+    }
+
+    /// Numbers of whole recordings.
+    fn whole(&self) -> Table {
+        let mut head = vec!["".to_owned()];
+        head.extend(LAGS.iter().map(|n| format!("D({n}), readouts squared")));
+        head.extend(["early intervals, ppm", "late intervals, ppm"].map(str::to_owned));
+        if self.numbers.iter().any(|n| n.dark.is_some()) {
+            head.extend(SHARES.iter().map(|s| format!("dark rate, {} %", 100.0 * s)));
+        }
+        let mut table = Table::new(&head.iter().map(String::as_str).collect::<Vec<_>>());
+        for n in &self.numbers {
+            let mut cells = vec![n.name.clone()];
+            cells.extend(n.d.iter().map(|d| variance(*d)));
+            cells.extend([n.early, n.late].map(|share| format!("{:.0}", 1e6 * share)));
+            cells.extend(n.dark.iter().flatten().map(|rate| format!("{rate:.4}")));
+            table.row(cells);
+        }
+        table
     }
 
     fn cameras(&self) -> Table {
