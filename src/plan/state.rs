@@ -293,7 +293,7 @@ pub(super) fn start(
     let padded = tables.threshold.len();
     let clock = Clock::new(seeds, Stream::named("start_phase"));
     let asks_fired = rules.lost_increment != 0.0 || moving.is_some_and(Moving::couples);
-    let waits = rules.released != 0 && tables.shot.is_some();
+    let waits = rules.released != 0;
     let mut state = State {
         charge: vec![-1; padded],
         fraction: vec![FLIP as i16; padded],

@@ -161,7 +161,7 @@ pub(super) fn build(
         redraw: redraw(model),
         surplus: scale.storage == Storage::Surplus,
         extra_thresholds: scale.extra_thresholds,
-        released: released(settling),
+        released: if laws.iter().any(|r| r.law.quantum > 0.0) { released(settling) } else { 0 },
         lost_increment: lost_increment as f32,
         kept_remainder: (1.0 - lost_remainder) as f32,
         lost_remainder: lost_remainder as f32,

@@ -25,14 +25,14 @@ pub(crate) struct Recording {
 
 /// Means over places by class and lag, with their errors.
 pub(crate) struct Measured {
-    pub geometry: Geometry,
-    pub places: [usize; CLASSES.len() - 1],
-    pub mean: [[f64; LAGS]; CLASSES.len() - 1],
-    pub error: [[f64; LAGS]; CLASSES.len() - 1],
+    pub(crate) geometry: Geometry,
+    pub(crate) places: [usize; CLASSES.len() - 1],
+    pub(crate) mean: [[f64; LAGS]; CLASSES.len() - 1],
+    pub(crate) error: [[f64; LAGS]; CLASSES.len() - 1],
 }
 
 impl Recording {
-    pub fn new(packed: Packed<'_>, readouts: usize) -> Self {
+    pub(crate) fn new(packed: Packed<'_>, readouts: usize) -> Self {
         let geometry = packed.geometry();
         let mut times = vec![Vec::new(); geometry.pixels()];
         for t in 0..readouts {
@@ -47,7 +47,7 @@ impl Recording {
     }
 
     /// Rates that neighbours share; NaN for a pixel that fires quite otherwise than these (hot, dead).
-    pub fn shared(&self) -> Vec<f64> {
+    pub(crate) fn shared(&self) -> Vec<f64> {
         let (width, height) = (self.geometry.width() as isize, self.geometry.height() as isize);
         let count = |row: isize, col: isize| self.times[(row * width + col) as usize].len() as f64;
         let of = |p: usize| {
@@ -71,7 +71,7 @@ impl Recording {
     }
 
     /// D(n) about the pixels' own lines in thresholds squared, less what counting in readouts makes, by the classes of `shared`.
-    pub fn measure(&self, shared: &[f64]) -> Measured {
+    pub(crate) fn measure(&self, shared: &[f64]) -> Measured {
         let across = self.geometry.width().div_ceil(PLACE);
         let places = across * self.geometry.height().div_ceil(PLACE);
         let classes = CLASSES.len() - 1;
@@ -125,7 +125,7 @@ fn slope(times: &[f64]) -> f64 {
 
 impl Measured {
     /// Logarithm of the Gaussian likelihood of this under `twins`, but for a constant.
-    pub fn likelihood(&self, twins: &[Self]) -> f64 {
+    pub(crate) fn likelihood(&self, twins: &[Self]) -> f64 {
         let mut sum = 0.0;
         for c in (0..CLASSES.len() - 1).filter(|c| self.places[*c] > 1) {
             for n in 0..LAGS {
@@ -134,7 +134,7 @@ impl Measured {
                 let mean = all.clone().sum::<f64>() / count;
                 let square = all.map(|m| (m - mean).powi(2)).sum::<f64>() / (count - 1.0);
                 let variance = self.error[c][n].powi(2) + square / count;
-                if variance.is_finite() && variance > 0.0 {
+                if self.places[c] > 4 && variance.is_finite() && variance > 0.0 {
                     sum -= 0.5 * ((self.mean[c][n] - mean).powi(2) / variance + variance.ln());
                 }
             }

@@ -55,7 +55,8 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
 
 /// Which of them; `docs/reference/presets.md` says why.
 const TAKE: &str = "\
-To stand in for a real camera take physical, or vidar-measured for one with the maps of the 400x250 camera.
+To stand in for a real camera take physical, vidar-measured for one with the maps and the noise of the 400x250 camera, or
+vidar-lowlight for one set up for low light.
 The others reproduce a published model or a program, for comparison with its results (docs/reference/presets.md).
 
 ";
