@@ -125,7 +125,7 @@ mod tests {
     fn regular_spikes_have_no_variance_and_one_that_comes_late_is_counted() {
         let geometry = Geometry::new(8, 1).unwrap();
         // The first pixel fires at every fifth readout; the second too, but once a readout late.
-        let bit = |t: usize, late: usize| u8::from(t % 5 == 0 && t != 50 || t == 50 + late);
+        let bit = |t: usize, late: usize| u8::from(t.is_multiple_of(5) && t != 50 || t == 50 + late);
         let packed: Vec<u8> = (0..100).map(|t| bit(t, 0) | bit(t, 1) << 1).collect();
         let times = Times::of_packed(geometry, &packed).unwrap();
         let only = |p: usize| (0..8).map(|q| q == p).collect::<Vec<_>>();
