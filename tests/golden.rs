@@ -95,7 +95,6 @@ fn cases() -> Vec<(&'static str, Camera, Kind)> {
             Kind::U8,
         ),
         ("vidar-measured u8", preset("vidar-measured", 50, 230), Kind::U8),
-        ("vidar-lowlight u16", preset("vidar-lowlight", 65, 3), Kind::U16),
     ]
 }
 
