@@ -110,7 +110,8 @@ fn a_blur_is_told_by_its_detail() {
         let [sharp, soft] = ["tfp 41", "tfp 41 blurred"].map(|name| of(name, "detail_slope"));
         assert!((sharp - 1.0).abs() < 0.05 && soft < 0.5, "{beside}: {sharp} {soft}");
         let [count, span] = ["tfp 41", "span 41"].map(|name| of(name, "high_pass_noise"));
-        assert!(span < 0.6 * count, "{beside}: {count} {span}");
+        // Beside the light itself the 2 % by which pixels differ count as well.
+        assert!(span < 0.8 * count, "{beside}: {count} {span}");
         assert!(of("span 41", "aligned_psnr_db") > of("tfp 41 blurred", "aligned_psnr_db"), "{told}");
     }
     let text = place.good("evaluate f.dat --still").stdout;

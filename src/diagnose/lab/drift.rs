@@ -56,7 +56,7 @@ mod tests {
         let of = |(k, change): (usize, &f64)| {
             let light = [0.0, 0.03, 0.1, 0.3, 0.6, 0.9][k];
             let rates = vec![light + 0.005; 4];
-            let mut level = Level::of_rates("flat", light, 4000, vec![20; 4], rates);
+            let mut level = Level::of_rates("flat", light, 4000, vec![2000; 4], rates);
             level.change = Some(Estimate { value: *change, error: 1e-4, samples: 2304 });
             (k, level)
         };

@@ -24,7 +24,7 @@ pub(super) const FIXED: usize = 80;
 const FEW: usize = 24;
 
 /// Simulations for a derivative of a first look.
-pub(in crate::diagnose) fn few_pairs(setup: &Setup) -> usize {
+fn few_pairs(setup: &Setup) -> usize {
     (3 * pairs(setup)).div_ceil(8)
 }
 

@@ -5,9 +5,9 @@ use std::sync::atomic::AtomicUsize;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::diagnose::null::derivatives::{Changes, changes};
+use crate::diagnose::null::derivatives::{Changes, changes, pairs};
 use crate::diagnose::null::mean::average;
-use crate::diagnose::null::simulated::{Begun, few_pairs};
+use crate::diagnose::null::simulated::Begun;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
@@ -97,7 +97,7 @@ impl Place {
         let model = Model::base(camera, setup);
         let still = model.sample(&[], &[], setup.scenes.len())?;
         let one = |i: usize| Ok(DVector::from_vec(simulate::values(setup, &still, seed + i as u64)?));
-        let count = MEAN.max(few_pairs(setup));
+        let count = MEAN.max(pairs(setup));
         let each: Vec<DVector<f64>> = (0..count).into_par_iter().map(one).collect::<Result<_>>()?;
         let mean = average(&each);
         let square = |j: usize| each.iter().map(|v| (v[j] - mean[j]).powi(2)).sum::<f64>();
@@ -112,7 +112,7 @@ impl Place {
     /// What its numbers move: entries that are noise count as none, as among hundreds they would hide what a number does, and
     /// it would not move.
     fn changes(&self, setup: &Setup, seed: u64) -> Result<Changes> {
-        changes(setup, &self.model, seed, &self.each, 0..few_pairs(setup), &AtomicUsize::new(0))
+        changes(setup, &self.model, seed, &self.each, 0..pairs(setup), &AtomicUsize::new(0))
     }
 
     /// The robust Gauss-Newton step, drawn to the numbers of `given`, and its length in its own deviations. Statistics count as

@@ -3,15 +3,16 @@
 use super::knob::Knob;
 use crate::effects::definition::{Form, Param, Scale, Tried};
 use crate::effects::{
-    Camera, Catalogue, Definition, adaptation, column_pattern, comparator_noise, crosstalk, dark_shot_noise,
-    dark_tail, dead_pixels, dead_time, dropped_readouts, edge_columns, false_spikes, flicker,
-    gain_dark_correlation, gain_drift, hot_pixels, image_lag, leak, missed_spikes, partial_reset,
-    repeated_readouts, response_nonlinearity, row_noise, row_pattern, saturation_clamp, slow_threshold_noise,
-    smooth_prnu, spike_coupling, supply_droop, telegraph_dark, vignetting,
+    Camera, Catalogue, Definition, adaptation, column_pattern, comparator_noise, correlated_shot_noise,
+    crosstalk, dark_shot_noise, dark_tail, dead_pixels, dead_time, dropped_readouts, edge_columns,
+    false_spikes, flicker, gain_dark_correlation, gain_drift, hot_pixels, image_lag, leak, missed_spikes,
+    partial_reset, readout_jitter, repeated_readouts, response_nonlinearity, row_noise, row_pattern,
+    saturation_clamp, slow_threshold_noise, smooth_prnu, spike_coupling, supply_droop, telegraph_dark,
+    vignetting,
 };
 
 /// Ties go to the one that is tried first. Effects that are not among these follow in the order of their list.
-const FIRST: [&Definition; 30] = [
+const FIRST: [&Definition; 32] = [
     &dead_time::EFFECT,
     &response_nonlinearity::EFFECT,
     &partial_reset::EFFECT,
@@ -42,6 +43,8 @@ const FIRST: [&Definition; 30] = [
     &dark_tail::EFFECT,
     &gain_dark_correlation::EFFECT,
     &edge_columns::EFFECT,
+    &correlated_shot_noise::EFFECT,
+    &readout_jitter::EFFECT,
 ];
 
 /// An effect with the knobs that it adds and a position to try.
