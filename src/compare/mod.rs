@@ -13,6 +13,7 @@ mod scene;
 mod scene_page;
 mod steady;
 
+#[cfg(feature = "cli")]
 pub(crate) use steady::steady;
 
 pub use areas::Area;
