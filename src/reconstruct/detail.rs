@@ -231,8 +231,10 @@ fn outliers(picture: &[f32], scene: Option<&Vec<f32>>, geometry: Geometry, insid
     // Of a normal variable the median absolute value is 0.6745 deviations.
     let deviation = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745;
     let stands = |p: usize| out(picture, p) > OUTLYING * deviation;
+    let scene = scene.map(|s| (s, level(s)));
+    let bright = level(picture);
     let of_scene =
-        |p: usize| scene.is_some_and(|s| out(s, p) * level(picture) > 0.5 * OUTLYING * deviation * level(s));
+        |p: usize| scene.is_some_and(|(s, level)| out(s, p) * bright > 0.5 * OUTLYING * deviation * level);
     inside.iter().filter(|p| stands(**p) && !of_scene(**p)).count()
 }
 
