@@ -38,11 +38,13 @@ pub(super) fn fallen<L: Lanes>(l: L, job: &Job<'_>, samples: Samples<'_>, p: usi
 
 /// Fallen light cut off at the brightest that the plan holds, as it acts where it does not change with the readout.
 #[inline(always)]
-pub(super) fn acting<L: Lanes>(l: L, job: &Job<'_>, light: L::Float, unbounded: bool) -> L::Float {
-    let moving = job.plan.moving();
-    // Sums of neighbours' light are rounded.
-    let light = cut_off(l, job.plan.rules().greatest_light, light, unbounded || moving.is_some());
-    moving.map_or(light, |moving| bent(l, moving, light))
+pub(super) fn acting<L: Lanes>(l: L, job: &Job<'_>, light: L::Float) -> L::Float {
+    // What integer samples hold is never above full scale, but sums of neighbours' light and ways between frames are rounded.
+    let light = cut_off(l, job.plan.rules().greatest_light, light, true);
+    match job.plan.moving() {
+        Some(moving) => bent(l, moving, light),
+        None => light,
+    }
 }
 
 /// Light after the response's curvature.

@@ -21,6 +21,7 @@
 mod any_rules;
 mod arriving;
 mod case;
+mod fresh;
 mod increment;
 mod lingering;
 mod moving;

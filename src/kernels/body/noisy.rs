@@ -18,17 +18,18 @@ use std::ops::Range;
 
 use crate::kernels::body::any_rules;
 use crate::kernels::body::arriving::{acting, fallen};
-use crate::kernels::body::increment::{Fine, Increment, Sample, cut_off};
+use crate::kernels::body::fresh::Fresh;
+use crate::kernels::body::increment::{Fine, Increment};
 use crate::kernels::body::pair::pair;
 use crate::kernels::body::pass::{Pass, Row, Rows, passes};
 use crate::kernels::body::pixels::{Constants, Pixels};
 use crate::kernels::body::step;
 use crate::kernels::body::way::Ways;
 use crate::kernels::isa::lanes::{COUNTED, Lanes};
-use crate::kernels::{Job, Light, Samples};
+use crate::kernels::{Job, Light};
 use crate::plan::StateParts;
 
-/// Plans with noise: one vector at a time.
+/// Plans with noise: two vectors together where they can, else one at a time.
 #[inline(always)]
 pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool, const EXTRA: bool>(
     l: L,
@@ -37,110 +38,32 @@ pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool,
     out: &mut [u8],
 ) {
     for pass in passes(job) {
-        // Vectors that lie in the frames whole can be read without a thought for their end.
-        let whole = (job.plan.geometry().pixels().saturating_sub(job.range().start)) / L::N * L::N;
-        let whole = whole.min(job.pixels());
-        let rest = match pass.single.filter(|_| job.plan.moving().is_none()) {
-            Some(Samples::U8(_)) => singles::<L, u8, NOISE, STORE, ANY>(l, job, &pass, whole, state, out),
-            Some(Samples::U16(_)) => singles::<L, u16, NOISE, STORE, ANY>(l, job, &pass, whole, state, out),
-            Some(Samples::F32(_)) => singles::<L, f32, NOISE, STORE, ANY>(l, job, &pass, whole, state, out),
-            None => 0,
-        };
-        let ways = if !ANY || EXTRA { Ways::of(job, &pass) } else { None };
-        let mut at = rest;
+        let fresh = Fresh::of(job, &pass);
+        let two = !ANY || EXTRA;
+        let plain = !ANY && fresh.as_ref().is_some_and(|fresh| fresh.is_plain(job));
+        let ways = if two && !plain { Ways::of(job, &pass) } else { None };
+        let mut at = 0;
         while at < job.pixels() {
-            if let Some(ways) = &ways
-                && ways.run::<L, NOISE, STORE, EXTRA>(l, job, at, state, out)
-            {
-                at += 2 * L::N;
-                continue;
-            }
-            if (!ANY || EXTRA) && pair::<L, NOISE, STORE, EXTRA>(l, job, &pass, at, state, out) {
-                at += 2 * L::N;
-                continue;
-            }
-            mixed::<L, NOISE, STORE, ANY>(l, job, &pass, at, state, out);
-            at += L::N;
-        }
-    }
-}
-
-/// A new frame at every readout; returns where the whole vectors end.
-#[inline(always)]
-fn singles<L: Lanes, T: Sample, const NOISE: u8, const STORE: u8, const ANY: bool>(
-    l: L,
-    job: &Job<'_>,
-    pass: &Pass<'_>,
-    whole: usize,
-    state: &mut StateParts<'_>,
-    out: &mut [u8],
-) -> usize {
-    let frames = pass.frames::<T>();
-    let (frames, next) = (&frames[..pass.segments.len()], pass.ahead::<T>());
-    let greatest = job.plan.rules().greatest_light;
-    let brightest = l.splat_f(greatest);
-    // Nothing to ask at a readout but its light: known for a whole pass.
-    let plain = !ANY && !job.plan.rules().clip && (T::UNBOUNDED || greatest >= 255.0);
-    let mut at = 0;
-    while at < whole {
-        let c = Constants::load(l, job, job.range().start + at);
-        let mut pixels = Pixels::load(l, state, at);
-        let bright = plain && at + 2 * L::N <= whole && is_bright::<L, T>(l, frames, greatest, &c);
-        if bright {
-            let d = Constants::load(l, job, job.range().start + at + L::N);
-            if is_bright::<L, T>(l, frames, greatest, &d) {
-                let (c, d) = (Constants { clip: false, ..c }, Constants { clip: false, ..d });
-                let mut others = Pixels::load(l, state, at + L::N);
-                next.fetch(l, c.p, 2 * L::N);
-                let (mut rows, mut frames) = (Rows::new(job, pass.readouts(), out), frames.iter());
-                while let (Some(row), Some(frame)) = (rows.next(), frames.next()) {
-                    let frame = &frame[c.p..][..2 * L::N];
-                    let (light, more) = (T::light(l, frame, 0), T::light(l, frame, L::N));
-                    let (light, more) = if T::UNBOUNDED {
-                        (l.min_f(light, brightest), l.min_f(more, brightest))
-                    } else {
-                        (light, more)
-                    };
-                    let increments = [&Increment::bright(l, &c, light), &Increment::bright(l, &d, more)];
-                    let both = [&mut pixels, &mut others];
-                    let [fired, also] =
-                        step::noisy_two::<L, NOISE, STORE, false, true>(l, &row, [&c, &d], increments, both);
-                    let bits = &mut row.bits[at / 8..][..const { L::N / 4 }];
-                    l.store_bits_of_two(bits, fired, also);
-                }
-                pixels.store(l, state, at);
-                others.store(l, state, at + L::N);
-                at += 2 * L::N;
-                continue;
-            }
-        }
-        next.fetch(l, c.p, L::N);
-        let (mut rows, mut frames) = (Rows::new(job, pass.readouts(), out), frames.iter());
-        while let (Some(row), Some(frame)) = (rows.next(), frames.next()) {
-            let light = cut_off(l, greatest, T::light(l, frame, c.p), T::UNBOUNDED);
-            let increment = Increment::new::<true, ANY>(l, &c, light);
-            let fine = if increment.any_fine { Fine::new(l, job, c.p, light) } else { None };
-            let fired = match &fine {
-                None => any::<L, NOISE, STORE, ANY>(l, job, &row, &c, &increment, None, &mut pixels),
-                some => any::<L, NOISE, STORE, ANY>(l, job, &row, &c, &increment, some.as_ref(), &mut pixels),
+            let done = match (&fresh, &ways) {
+                (Some(fresh), _) if plain => fresh.run::<L, NOISE, STORE>(l, job, &pass, at, state, out),
+                (_, Some(ways)) => ways.run::<L, NOISE, STORE, EXTRA>(l, job, at, state, out),
+                _ => two && pair::<L, NOISE, STORE, EXTRA>(l, job, &pass, at, state, out),
             };
-            l.store_bits(row.bits, at / 8, fired);
+            let count = if done { 2 * L::N } else { L::N };
+            if !done {
+                one::<L, NOISE, STORE, ANY>(l, job, &pass, at, state, out);
+            }
+            if let Some(fresh) = &fresh {
+                fresh.fetch(l, job.range().start + at, count);
+            }
+            at += count;
         }
-        pixels.store(l, state, at);
-        at += L::N;
     }
-    whole
 }
 
-/// Whether no pixel of the vector needs [`Fine`] in any of these frames.
+/// A vector under any light: in a pass of its own, frame by frame, or on the way from one to the next.
 #[inline(always)]
-fn is_bright<L: Lanes, T: Sample>(l: L, frames: &[&[T]], greatest: f32, c: &Constants<L>) -> bool {
-    !l.any_less_f(cut_off(l, greatest, T::least(l, frames, c.p), true), c.whole_from)
-}
-
-/// Held frames and ways between frames.
-#[inline(always)]
-fn mixed<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
+fn one<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
     l: L,
     job: &Job<'_>,
     pass: &Pass<'_>,
@@ -151,20 +74,25 @@ fn mixed<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
     let c = Constants::load(l, job, job.range().start + at);
     let mut pixels = Pixels::load(l, state, at);
     for (readouts, light) in pass.segments {
-        match *light {
-            Light::Held(samples) => {
-                let light = acting(l, job, fallen(l, job, samples, c.p), samples.unbounded());
-                stretch::<L, NOISE, STORE, ANY>(l, job, &c, &mut pixels, readouts.clone(), light, out, at);
-            }
-            Light::Between { from, to, weights } => {
-                let start = fallen(l, job, from, c.p);
-                let way = l.sub_f(fallen(l, job, to, c.p), start);
-                for t in readouts.clone() {
-                    let weight = l.splat_f(weights[t - readouts.start]);
-                    let light = acting(l, job, l.add_f(start, l.mul_f(way, weight)), true);
-                    stretch::<L, NOISE, STORE, ANY>(l, job, &c, &mut pixels, t..t + 1, light, out, at);
-                }
-            }
+        let (from, to, weights) = match *light {
+            Light::Held(samples) => (samples, None, &[][..]),
+            Light::Between { from, to, weights } => (from, Some(to), weights),
+        };
+        let start = fallen(l, job, from, c.p);
+        let way = match to {
+            Some(to) => l.sub_f(fallen(l, job, to, c.p), start),
+            None => l.splat_f(0.0),
+        };
+        let mut t = readouts.start;
+        while t < readouts.end {
+            // A frame that is held is one stretch, and every readout on a way another.
+            let (weight, end) = match weights.get(t - readouts.start) {
+                Some(weight) => (*weight, t + 1),
+                None => (0.0, readouts.end),
+            };
+            let light = acting(l, job, l.add_f(start, l.mul_f(way, l.splat_f(weight))));
+            stretch::<L, NOISE, STORE, ANY>(l, job, &c, &mut pixels, t..end, light, out, at);
+            t = end;
         }
     }
     pixels.store(l, state, at);

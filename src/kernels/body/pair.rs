@@ -111,7 +111,7 @@ impl<L: Lanes> Held<L> {
         at: usize,
     ) -> Self {
         let constants = Constants::load(l, job, job.range().start + at);
-        let light = acting(l, job, fallen(l, job, samples, constants.p), samples.unbounded());
+        let light = acting(l, job, fallen(l, job, samples, constants.p));
         let increment = Increment::new::<true, EXTRA>(l, &constants, light);
         Self { constants, light, increment, pixels: Pixels::load(l, state, at) }
     }

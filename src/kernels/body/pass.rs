@@ -149,7 +149,9 @@ pub(super) struct Rows<'a> {
     t: usize,
     noise: Iter<'a, NoiseRound>,
     undecided: &'a [Round],
-    bits: ChunksExactMut<'a, u8>,
+    /// The bits of what is left; not as chunks, which divide to know their number: as long as a tenth of a readout.
+    bits: &'a mut [u8],
+    bytes: usize,
 }
 
 impl<'a> Rows<'a> {
@@ -161,7 +163,8 @@ impl<'a> Rows<'a> {
             t: readouts.start,
             noise: rounds.noise[readouts].iter(),
             undecided: &rounds.undecided,
-            bits: bits.chunks_exact_mut(bytes),
+            bits,
+            bytes,
         }
     }
 }
@@ -171,9 +174,10 @@ impl<'a> Iterator for Rows<'a> {
 
     #[inline(always)]
     fn next(&mut self) -> Option<Row<'a>> {
-        let (bits, NoiseRound { shot, thermal }) = (self.bits.next()?, self.noise.next()?);
+        let NoiseRound { shot, thermal } = self.noise.next()?;
+        let (bits, rest) = std::mem::take(&mut self.bits).split_at_mut(self.bytes);
         let t = self.t;
-        self.t += 1;
+        (self.t, self.bits) = (t + 1, rest);
         Some(Row { t, shot, thermal, undecided: self.undecided, counts: &[], bits })
     }
 }

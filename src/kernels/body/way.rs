@@ -66,7 +66,7 @@ impl<'a> Ways<'a> {
         }
         let mut first = Vector::load(l, job, state, at);
         let mut second = Vector::load(l, job, state, at + L::N);
-        if !self.is_bright(l, job, &first.constants) || !self.is_bright(l, job, &second.constants) {
+        if !self.is_bright(l, job, [&first.constants, &second.constants]) {
             return false;
         }
         for segment in self.segments {
@@ -77,18 +77,23 @@ impl<'a> Ways<'a> {
         true
     }
 
-    /// Whether no pixel of the vector needs noise with a fraction at any of these readouts. Sum and product are rounded, but never past
+    /// Whether no pixel of the vectors needs noise with a fraction at any of these readouts. Sum and product are rounded, but never past
     /// those of a larger weight, so that light at the least and at the greatest weight has all others between.
     #[inline(always)]
-    fn is_bright<L: Lanes>(&self, l: L, job: &Job<'_>, c: &Constants<L>) -> bool {
+    fn is_bright<L: Lanes>(&self, l: L, job: &Job<'_>, vectors: [&Constants<L>; 2]) -> bool {
         // Loops and no closures: a closure that is called runs without the instructions of its caller.
-        let mut least = l.splat_f(f32::MAX);
-        for ((_, light), [low, high]) in self.segments.iter().zip(&self.ends) {
-            let line = line(l, light, c.p);
-            least = l.min_f(least, at_weight(l, job, line, *low));
-            least = l.min_f(least, at_weight(l, job, line, *high));
+        for c in vectors {
+            let mut least = l.splat_f(f32::MAX);
+            for ((_, light), [low, high]) in self.segments.iter().zip(&self.ends) {
+                let line = line(l, light, c.p);
+                least = l.min_f(least, at_weight(l, job, line, *low));
+                least = l.min_f(least, at_weight(l, job, line, *high));
+            }
+            if l.any_less_f(least, c.whole_from) {
+                return false;
+            }
         }
-        !l.any_less_f(least, c.whole_from)
+        true
     }
 }
 
@@ -102,12 +107,14 @@ impl<L: Lanes> Vector<L> {
 
 #[inline(always)]
 fn line<L: Lanes>(l: L, light: &Light<'_>, p: usize) -> Line<L> {
-    match light {
-        Light::Held(samples) => [sample(l, *samples, p), l.splat_f(0.0)],
-        Light::Between { from, to, .. } => {
-            let start = sample(l, *from, p);
-            [start, l.sub_f(sample(l, *to, p), start)]
-        }
+    let (from, to) = match *light {
+        Light::Held(samples) => (samples, None),
+        Light::Between { from, to, .. } => (from, Some(to)),
+    };
+    let start = sample(l, from, p);
+    match to {
+        Some(to) => [start, l.sub_f(sample(l, to, p), start)],
+        None => [start, l.splat_f(0.0)],
     }
 }
 
@@ -129,14 +136,17 @@ fn rows<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA: bool>(
     out: &mut [u8],
 ) {
     let constants = [&first.constants, &second.constants];
-    let (one, other) = (line(l, light, first.constants.p), line(l, light, second.constants.p));
+    let mut lines = [[l.splat_f(0.0); 2]; 2];
+    for (line_of, c) in lines.iter_mut().zip(constants) {
+        *line_of = line(l, light, c.p);
+    }
     let weights = if let Light::Between { weights, .. } = light { weights } else { &[][..] };
     let mut weights = weights.iter();
     for row in Rows::new(job, readouts.clone(), out) {
         let weight = weights.next().copied().unwrap_or(0.0);
         let increments = [
-            &increment::<L, EXTRA>(l, constants[0], at_weight(l, job, one, weight)),
-            &increment::<L, EXTRA>(l, constants[1], at_weight(l, job, other, weight)),
+            &increment::<L, EXTRA>(l, constants[0], at_weight(l, job, lines[0], weight)),
+            &increment::<L, EXTRA>(l, constants[1], at_weight(l, job, lines[1], weight)),
         ];
         let both = [&mut first.pixels, &mut second.pixels];
         let [fired, more] =
