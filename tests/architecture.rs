@@ -40,6 +40,8 @@ const UNSAFE: &[&str] = &[
     "kernels/isa/avx2.rs",
     "kernels/isa/avx512.rs",
     "kernels/isa/avx512_counts.rs",
+    "kernels/isa/proven.rs",
+    "kernels/isa/sse41.rs",
     "storage/",
 ];
 

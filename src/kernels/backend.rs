@@ -7,6 +7,8 @@ pub enum Backend {
     Reference,
     /// Lanes of the `wide` crate, with the instructions the crate was compiled for.
     Portable,
+    /// 128-bit vectors of x86-64 CPUs from 2008 on.
+    Sse41,
     /// 256-bit vectors of x86-64 CPUs from 2013 on.
     Avx2,
     /// 512-bit vectors (F, BW, VBMI).
@@ -18,7 +20,7 @@ pub const ENVIRONMENT: &str = "SPIKELANE_BACKEND";
 
 impl Backend {
     /// All backends, slowest first.
-    pub const ALL: [Self; 4] = [Self::Reference, Self::Portable, Self::Avx2, Self::Avx512];
+    pub const ALL: [Self; 5] = [Self::Reference, Self::Portable, Self::Sse41, Self::Avx2, Self::Avx512];
 
     /// Name on the command line.
     #[must_use]
@@ -26,6 +28,7 @@ impl Backend {
         match self {
             Self::Reference => "reference",
             Self::Portable => "portable",
+            Self::Sse41 => "sse4.1",
             Self::Avx2 => "avx2",
             Self::Avx512 => "avx512",
         }
@@ -39,7 +42,7 @@ impl Backend {
         Self::ALL.into_iter().find(|b| b.name() == name).ok_or_else(|| {
             Error::new(Kind::Usage, "backend")
                 .found(format_args!("\"{name}\""))
-                .expected("one of reference, portable, avx2, avx512")
+                .expected("one of reference, portable, sse4.1, avx2, avx512")
         })
     }
 
@@ -48,6 +51,8 @@ impl Backend {
     pub fn available(self) -> bool {
         match self {
             Self::Reference | Self::Portable => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::Sse41 => super::isa::sse41::Sse41::detect().is_some(),
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => super::isa::avx2::Avx2::detect().is_some(),
             #[cfg(target_arch = "x86_64")]

@@ -9,7 +9,7 @@ use crate::kernels::Job;
 use crate::kernels::body::{self, Entry};
 use crate::kernels::isa::portable::Portable;
 #[cfg(target_arch = "x86_64")]
-use crate::kernels::isa::{avx2::Avx2, avx512_token::Avx512};
+use crate::kernels::isa::{avx2::Avx2, avx512_token::Avx512, sse41::Sse41};
 use crate::plan::StateParts;
 
 /// A job, the state that it edits and the bits that it writes, for an instruction set.
@@ -29,6 +29,25 @@ impl Entry for Work<'_, '_, '_, Portable> {
     #[inline(never)]
     fn enter<const CASE: u8>(self) {
         body::run::<_, CASE>(self.token, self.job, self.state, self.out);
+    }
+}
+
+/// Runs the job with 128-bit vectors.
+#[cfg(target_arch = "x86_64")]
+pub(super) fn sse41(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+    let token = Sse41::detect().expect("the sse4.1 backend needs SSE4.1");
+    body::by_case(job, Work { token, job, state, out });
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Entry for Work<'_, '_, '_, Sse41> {
+    fn enter<const CASE: u8>(self) {
+        #[target_feature(enable = "sse4.1")]
+        fn enter<const CASE: u8>(token: Sse41, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+            body::run::<_, CASE>(token, job, state, out);
+        }
+        // SAFETY: the token proves the feature that the function is compiled with.
+        unsafe { enter::<CASE>(self.token, self.job, self.state, self.out) }
     }
 }
 

@@ -41,6 +41,8 @@ pub fn run(backend: Backend, job: &Job<'_>, state: &mut StateParts<'_>, out: &mu
         Backend::Reference => reference::run(job, state, out),
         Backend::Portable => entry::portable(job, state, out),
         #[cfg(target_arch = "x86_64")]
+        Backend::Sse41 => entry::sse41(job, state, out),
+        #[cfg(target_arch = "x86_64")]
         Backend::Avx2 => entry::avx2(job, state, out),
         #[cfg(target_arch = "x86_64")]
         Backend::Avx512 => entry::avx512(job, state, out),

@@ -32,7 +32,7 @@ echo "| light | Hz | instructions | readouts/s | dropped | median ms | 99 % | 99
 echo "|---|---|---|---|---|---|---|---|---|"
 ring="shm:spikelane-bench-$$"
 for hz in 20000 40000; do
-    for backend in avx512 avx2 portable; do
+    for backend in avx512 avx2 sse4.1 portable; do
         [ "$hz" = 40000 ] || [ "$backend" = avx512 ] || continue
         row held "$hz" "$backend" ramp.pgm --transfer linear --sink "$ring"
         row "new frame every 20 readouts" "$hz" "$backend" --source chart --readouts-per-frame 20 --sink "$ring"

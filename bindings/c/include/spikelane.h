@@ -420,7 +420,7 @@ spl_status spl_simulator_new(const spl_camera *camera,
 spl_status spl_simulator_copy(const spl_simulator *simulator, spl_simulator **copy);
 
 /**
- * Asks for an instruction set: "reference", "portable", "avx2", "avx512", or "auto" for the fastest. The bits stay the same.
+ * Asks for an instruction set: "reference", "portable", "sse4.1", "avx2", "avx512", or "auto" for the fastest. The bits stay the same.
  *
  * # Safety
  * `simulator` is NULL or a handle; `backend` is NULL or a string.

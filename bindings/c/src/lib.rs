@@ -316,7 +316,7 @@ pub unsafe extern "C" fn spl_simulator_copy(
     door(|| make(copy, || read(simulator, |s: &Simulator| Ok(Content::Simulator(Box::new(s.clone()))))))
 }
 
-/// Asks for an instruction set: "reference", "portable", "avx2", "avx512", or "auto" for the fastest. The bits stay the same.
+/// Asks for an instruction set: "reference", "portable", "sse4.1", "avx2", "avx512", or "auto" for the fastest. The bits stay the same.
 ///
 /// # Safety
 /// `simulator` is NULL or a handle; `backend` is NULL or a string.
@@ -343,7 +343,7 @@ pub unsafe extern "C" fn spl_simulator_backend(
     door(|| {
         let place = place(backend, "backend")?;
         let name = read(simulator, |s: &Simulator| Ok(s.backend()))?;
-        let names = [c"reference", c"portable", c"avx2", c"avx512"];
+        let names = [c"reference", c"portable", c"sse4.1", c"avx2", c"avx512"];
         let found = names.into_iter().find(|n| n.to_bytes() == name.as_bytes());
         *place = found.ok_or_else(|| usage("backend", name, "a known one", "report it"))?.as_ptr();
         Ok(())

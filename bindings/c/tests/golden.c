@@ -127,7 +127,7 @@ int main(int argc, char **argv) {
     if (argc < 2) return fprintf(stderr, "usage: golden TABLE [BACKEND]\n"), 2;
     static golden_table table;
     golden_read(argv[1], &table);
-    const char *backends[] = {"reference", "portable", "avx2", "avx512"};
+    const char *backends[] = {"reference", "portable", "sse4.1", "avx2", "avx512"};
     for (size_t b = 0; b < 4; b++) {
         if (argc > 2 && strcmp(argv[2], backends[b])) continue;
         size_t ran = 0;

@@ -21,7 +21,7 @@ const PIECE: usize = 256 << 10;
 ///
 /// `camera_seed` fixes the fixed pattern (which camera it is), `seed` and `sequence` the temporal noise (which
 /// recording): integers from 0 to 2**64 - 1. `threads` share the sensor's tiles, `backend` names an instruction set
-/// ("reference", "portable", "avx2", "avx512"); neither changes a bit. Light beyond `greatest_light` full scales, which only
+/// ("reference", "portable", "sse4.1", "avx2", "avx512"); neither changes a bit. Light beyond `greatest_light` full scales, which only
 /// float32 holds, is cut.
 ///
 /// One thread at a time may push; others work meanwhile, since the interpreter's lock is released. A child process after

@@ -57,7 +57,7 @@ pub(crate) struct Args {
     pub threads: ThreadArgs,
     /// Instructions to use; the bits are the same
     #[arg(hide_short_help = true, long, default_value = "auto",
-          value_parser = PossibleValuesParser::new(["auto", "reference", "portable", "avx2", "avx512"]))]
+          value_parser = PossibleValuesParser::new(["auto", "reference", "portable", "sse4.1", "avx2", "avx512"]))]
     pub backend: String,
     /// Say what would be written and how long it would take, and write nothing
     #[arg(long)]

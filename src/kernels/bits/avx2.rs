@@ -5,8 +5,9 @@
 use std::arch::x86_64::*;
 
 use super::shorts::{SHORTS, Shorts};
-use crate::kernels::isa::avx2::{Avx2, proven};
+use crate::kernels::isa::avx2::Avx2;
 use crate::kernels::isa::lanes::Lanes;
+use crate::kernels::isa::proven::proven;
 
 impl Shorts for Avx2 {
     type Short = __m256i;

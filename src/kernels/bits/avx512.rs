@@ -8,7 +8,7 @@ use std::arch::x86_64::*;
 use bytemuck::cast;
 
 use super::matrix::{Bits, Places, ROOM, WORDS};
-use crate::kernels::isa::avx2::proven;
+use crate::kernels::isa::proven::proven;
 
 /// Proof that the CPU has the instructions: only [`Avx512Bits::detect`] makes one.
 #[derive(Clone, Copy, Debug)]

@@ -5,53 +5,10 @@
 use std::arch::x86_64::*;
 
 use crate::draws::gauss;
-use crate::kernels::isa::avx2::proven;
 use crate::kernels::isa::avx512_counts;
 use crate::kernels::isa::avx512_token::{Avx512, EVEN, ODD};
 use crate::kernels::isa::lanes::{CountDraw, Lanes, MOST_COUNTS};
-
-/// The same expression for both vectors of a pair. (A closure given to `map`
-/// might be compiled apart, without the instructions of its caller.)
-macro_rules! both {
-    ($v:ident => $e:expr) => {{
-        let [first, second] = $v;
-        [
-            {
-                let $v = first;
-                $e
-            },
-            {
-                let $v = second;
-                $e
-            },
-        ]
-    }};
-}
-
-/// The same expression for both positions of a pair.
-macro_rules! both_of {
-    ($i:ident => $e:expr) => {
-        [
-            {
-                let $i = 0;
-                $e
-            },
-            {
-                let $i = 1;
-                $e
-            },
-        ]
-    };
-}
-
-/// An instruction on the memory of a slice that has just been cut to size.
-macro_rules! memory {
-    ($e:expr) => {{
-        // SAFETY: `self` exists only where the CPU has the instructions; the pointer comes from a
-        // slice of exactly the bytes that the unaligned instruction touches.
-        unsafe { $e }
-    }};
-}
+use crate::kernels::isa::proven::{both, both_of, memory, proven};
 
 const fn repeated(table: [i8; 16]) -> [i8; 64] {
     let mut all = [0; 64];

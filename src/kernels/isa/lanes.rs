@@ -23,7 +23,7 @@ pub(crate) struct CountDraw<'a> {
 
 /// Vectors of `N` pixels.
 pub(crate) trait Lanes: Copy {
-    /// Pixels of a vector: 16 or 32.
+    /// Pixels of a vector: 8, 16 or 32.
     const N: usize;
     /// `N` words of 16 bits, or `N / 2` words of 32: two pixels a word, the even one low.
     type Half: Copy;

@@ -10,4 +10,8 @@ mod avx512_counts;
 pub(super) mod avx512_token;
 pub(super) mod lanes;
 pub(super) mod portable;
+#[cfg(target_arch = "x86_64")]
+pub(super) mod proven;
+#[cfg(target_arch = "x86_64")]
+pub(super) mod sse41;
 mod wide_lanes;
