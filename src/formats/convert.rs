@@ -1,6 +1,7 @@
 //! From one file into another: layout, range of readouts, crop.
 
 use std::ops::Range;
+use std::sync::mpsc;
 
 use crate::error::{Error, Kind, Result};
 use crate::formats::layouts::copy_bits;
@@ -8,7 +9,7 @@ use crate::formats::{Finished, Reader, StreamWriter};
 use crate::spikes::{Crop, Geometry};
 
 /// Bytes of packed frames in hand at a time.
-const BATCH: usize = 4 << 20;
+const BATCH: usize = 1 << 20;
 
 /// Cuts the rectangle out of one packed frame of geometry `of`.
 fn cut(crop: Crop, of: Geometry, from: &[u8], to: &mut [u8]) {
@@ -49,7 +50,7 @@ pub fn convert(
     writer.finish()
 }
 
-/// Hands the packed frames of `readouts`, cropped, to `take`, some megabytes at a time.
+/// Hands the packed frames of `readouts`, cropped, to `take`, a megabyte at a time: the next are read meanwhile.
 ///
 /// # Errors
 /// [`Kind::Usage`] when the range or the crop leave the stream; otherwise those of the reader and of `take`.
@@ -59,29 +60,52 @@ pub(super) fn batches(
     crop: Option<Crop>,
     mut take: impl FnMut(&[u8]) -> Result<()>,
 ) -> Result<()> {
-    let from = reader.geometry();
-    let to = crop.map_or(Ok(from), |c| c.geometry(from))?;
+    let to = crop.map_or(Ok(reader.geometry()), |c| c.geometry(reader.geometry()))?;
     // Refuses a range beyond the end before anything is read.
     reader.frames(readouts.clone())?;
-    let (size, cut_size) = (from.frame_bytes(), to.frame_bytes());
-    let step = (BATCH / size).max(1).min(readouts.len().max(1));
-    let mut packed = vec![0; step * size];
-    let mut cut_out = crop.map(|_| vec![0; step * cut_size]).unwrap_or_default();
-    for first in readouts.clone().step_by(step) {
-        let frames = step.min(readouts.end - first);
-        let packed = &mut packed[..frames * size];
-        reader.read_frames(first, packed)?;
-        reader.release(first..first + frames);
-        let out = match crop {
-            None => &*packed,
-            Some(crop) => {
-                let out = &mut cut_out[..frames * cut_size];
-                let pairs = packed.chunks_exact(size).zip(out.chunks_exact_mut(cut_size));
-                pairs.for_each(|(a, b)| cut(crop, from, a, b));
-                &*out
+    let step = (BATCH / reader.geometry().frame_bytes().max(to.frame_bytes())).max(1);
+    std::thread::scope(|scope| {
+        let (full, next) = mpsc::sync_channel(1);
+        // Memory goes round, so that none is asked for at each batch.
+        let (empty, again) = mpsc::channel::<Vec<u8>>();
+        scope.spawn(move || {
+            let mut whole = Vec::new();
+            for first in readouts.clone().step_by(step) {
+                let part = first..readouts.end.min(first + step);
+                let mut frames = again.try_recv().unwrap_or_default();
+                let read = read(reader, part, crop.map(|c| (c, to)), &mut whole, &mut frames);
+                // Nobody listens any more where `take` had an error.
+                if full.send(read.map(|()| frames)).is_err() {
+                    break;
+                }
             }
-        };
-        take(out)?;
+        });
+        while let Ok(frames) = next.recv() {
+            let frames = frames?;
+            take(&frames)?;
+            let _ = empty.send(frames);
+        }
+        Ok(())
+    })
+}
+
+/// Reads `readouts` into `frames`, or into `whole` and from there what is cropped.
+fn read(
+    reader: &Reader,
+    readouts: Range<usize>,
+    crop: Option<(Crop, Geometry)>,
+    whole: &mut Vec<u8>,
+    frames: &mut Vec<u8>,
+) -> Result<()> {
+    let (of, size) = (reader.geometry(), reader.geometry().frame_bytes());
+    let all = if crop.is_some() { &mut *whole } else { &mut *frames };
+    all.resize(readouts.len() * size, 0);
+    reader.read_frames(readouts.start, all)?;
+    reader.release(readouts.clone());
+    if let Some((crop, to)) = crop {
+        frames.resize(readouts.len() * to.frame_bytes(), 0);
+        let pairs = whole.chunks_exact(size).zip(frames.chunks_exact_mut(to.frame_bytes()));
+        pairs.for_each(|(a, b)| cut(crop, of, a, b));
     }
     Ok(())
 }

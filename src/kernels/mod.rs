@@ -23,7 +23,10 @@ pub use batch::{Batch, Job, Light, NoiseRound, Rounds, Samples, Segment};
 pub(crate) use bits::AnyCpu;
 #[cfg(all(feature = "files", feature = "threads"))]
 pub(crate) use bits::counting;
-pub(crate) use bits::{Bits, Places, ROOM, SHORTS, SLACK, Shorts, WORDS, Work, counting_with};
+pub(crate) use bits::{
+    Bits, Counters, GROUPS, Places, ROOM, SHORTS, SLACK, Shorts, TILE, Tally, Times, WORDS, Work,
+    counting_with, load,
+};
 pub use modulation::{Around, Modulation};
 
 use crate::plan::StateParts;

@@ -21,7 +21,7 @@ type Words = Vec<u64>;
 pub(super) const CAPACITY: usize = 1984;
 
 /// One turn of the vertical counters.
-const TURN: usize = super::vertical::GROUPS * 8;
+const TURN: usize = crate::kernels::GROUPS * 8;
 
 /// Buffers of larger sensors hold fewer readouts, not more memory than this.
 const LARGEST_BUFFER: usize = 1 << 26;

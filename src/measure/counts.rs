@@ -7,7 +7,7 @@ use wide::u64x4;
 
 use super::block::Block;
 use super::estimate::{Estimate, tiles_ratio};
-use super::vertical::{Counters, GROUPS, TILE, load};
+use crate::kernels::{Counters, GROUPS, TILE, load};
 use crate::spikes::{Geometry, span_rate};
 
 /// In place of a readout where a pixel never fired.

@@ -37,7 +37,6 @@ mod spectrum;
 #[cfg(all(feature = "files", feature = "threads"))]
 mod stream;
 mod summary;
-mod vertical;
 
 use std::ops::Range;
 

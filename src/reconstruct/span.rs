@@ -1,9 +1,8 @@
 //! The rate from the first to the last spike of a window.
 
-use std::ops::Range;
-
 use crate::error::Result;
-use crate::reconstruct::{check_readout, for_each_spike};
+use crate::kernels::{Tally, Times};
+use crate::reconstruct::check_readout;
 use crate::spikes::{Packed, span_rate};
 
 /// Spikes per readout from the times of the first and the last spike within `half_window` readouts on
@@ -25,38 +24,9 @@ pub fn span(packed: Packed, centre: usize, half_window: usize) -> Result<Vec<f32
     check_readout(packed, centre)?;
     let from = centre.saturating_sub(half_window);
     let to = centre.saturating_add(half_window).saturating_add(1).min(packed.readouts());
-    let mut pixels = of_window(packed, from..to);
-    pixels.truncate(packed.geometry().pixels());
+    let pixels = Tally::new(packed.part(from..to).bytes(), packed.geometry().frame_bytes()).times();
     let by_count = |spikes: u32| f64::from(spikes) / (to - from) as f64;
-    Ok(pixels.iter().map(|p| p.rate().unwrap_or_else(|| by_count(p.spikes)) as f32).collect())
-}
-
-/// What is kept of a pixel's spikes, in readouts of the window.
-#[derive(Clone, Copy, Default)]
-struct Spikes {
-    spikes: u32,
-    first: u32,
-    last: u32,
-}
-
-impl Spikes {
-    fn rate(&self) -> Option<f64> {
-        span_rate(self.spikes, self.first, self.last)
-    }
-}
-
-/// The spikes of all pixels, and of the bits that fill the last byte.
-fn of_window(packed: Packed, window: Range<usize>) -> Vec<Spikes> {
-    let mut pixels = vec![Spikes::default(); packed.geometry().frame_bytes() * 8];
-    for (at, readout) in (0..).zip(window) {
-        for_each_spike(packed.frame(readout), |p| {
-            let pixel = &mut pixels[p];
-            if pixel.spikes == 0 {
-                pixel.first = at;
-            }
-            pixel.last = at;
-            pixel.spikes += 1;
-        });
-    }
-    pixels
+    let rate = |t: &Times| span_rate(t.spikes, t.first, t.last).unwrap_or_else(|| by_count(t.spikes)) as f32;
+    // A last byte may hold bits beyond the last pixel.
+    Ok(pixels[..packed.geometry().pixels()].iter().map(rate).collect())
 }

@@ -1,7 +1,8 @@
 //! Texture from playback: spikes counted in a window.
 
 use crate::error::Result;
-use crate::reconstruct::{check_readout, for_each_spike};
+use crate::kernels::Tally;
+use crate::reconstruct::check_readout;
 use crate::spikes::Packed;
 
 /// Spikes per readout within `half_window` readouts on either side of `centre`, row-major.
@@ -27,7 +28,7 @@ pub fn tfp(packed: Packed, centre: usize, half_window: usize) -> Result<Vec<f32>
 }
 
 /// The window of [`tfp`] as it slides along a stream: a step costs the frames that
-/// enter and those that leave, not the whole window.
+/// enter and those that leave, or the whole window where that is less.
 #[derive(Clone, Debug)]
 pub struct TfpSequence<'a> {
     packed: Packed<'a>,
@@ -59,7 +60,8 @@ impl<'a> TfpSequence<'a> {
         let from = centre.saturating_sub(self.half);
         let to = centre.saturating_add(self.half).saturating_add(1).min(self.packed.readouts());
         let old = self.window.clone();
-        if to <= old.start || old.end <= from {
+        let moved = old.start.abs_diff(from) + old.end.abs_diff(to);
+        if moved >= to - from || to <= old.start || old.end <= from {
             self.counts.fill(0);
             self.add(from..to);
         } else {
@@ -80,14 +82,16 @@ impl<'a> TfpSequence<'a> {
     }
 
     fn add(&mut self, readouts: std::ops::Range<usize>) {
-        for readout in readouts {
-            for_each_spike(self.packed.frame(readout), |p| self.counts[p] += 1);
-        }
+        self.tally(readouts).add(&mut self.counts);
     }
 
     fn subtract(&mut self, readouts: std::ops::Range<usize>) {
-        for readout in readouts {
-            for_each_spike(self.packed.frame(readout), |p| self.counts[p] -= 1);
-        }
+        self.tally(readouts).subtract(&mut self.counts);
+    }
+
+    /// The frames of some readouts, none where the range runs backwards.
+    fn tally(&self, readouts: std::ops::Range<usize>) -> Tally<'a> {
+        let part = self.packed.part(readouts.start..readouts.end.max(readouts.start));
+        Tally::new(part.bytes(), self.packed.geometry().frame_bytes())
     }
 }

@@ -5,8 +5,10 @@ use std::path::Path;
 
 use crate::calibrate::RecordingSet;
 use crate::formats::{Layout, Lost, Opening, Origin, Reader, Readings};
+use crate::kernels::counting;
 use crate::{Error, Geometry, Kind, Result, spikes};
 use clap::builder::PossibleValuesParser;
+use rayon::prelude::*;
 
 use super::output::Out;
 
@@ -51,11 +53,20 @@ pub(crate) fn size(
 
 /// Spikes in a range of readouts, each of which is read.
 pub(crate) fn spikes_in(reader: &Reader, readouts: Range<usize>) -> Result<u64> {
-    let (mut frames, mut count) = (reader.frames(readouts)?, 0);
-    while let Some(frame) = frames.next_frame() {
-        count += spikes::count(frame?);
-    }
-    Ok(count)
+    let part = readouts.len().div_ceil(rayon::current_num_threads()).max(1);
+    let parts: Vec<_> =
+        readouts.clone().step_by(part).map(|from| from..readouts.end.min(from + part)).collect();
+    let count = |part: Range<usize>| {
+        let mut frames = reader.frames(part)?;
+        counting(|| {
+            let mut count = 0;
+            while let Some(frame) = frames.next_frame() {
+                count += spikes::count(frame?);
+            }
+            Ok(count)
+        })
+    };
+    parts.into_par_iter().map(count).sum()
 }
 
 impl StreamArgs {

@@ -7,6 +7,7 @@ use crate::reconstruct::{isi_map, span, tfi_at, tfp};
 use crate::spikes::Packed;
 use crate::{Error, Kind, Result};
 use clap::ValueEnum;
+use rayon::prelude::*;
 use serde_json::json;
 
 use crate::cli::shared::output::Out;
@@ -19,6 +20,9 @@ mod array;
 mod sinks;
 
 use sinks::{Film, Folder, One, Shown, Sink};
+
+/// Pictures that a thread makes before they are written.
+const BATCH: usize = 4;
 
 /// Make pictures of spikes
 ///
@@ -177,12 +181,22 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     };
     let mut progress = Progress::new(out, stop_flag()?);
     let mut cut = Vec::new();
-    for (i, &at) in moments.iter().enumerate() {
-        let (picture, whole) = if i == 0 { first.clone() } else { args.picture(&reader, at)? };
-        sink.put(at, &picture).map_err(|e| progress.cause(e))?;
-        cut.extend((!whole).then_some(at));
-        reader.release(0..at.saturating_sub(args.half()));
-        progress.step(i as u64 + 1, Some(moments.len() as u64))?;
+    let mut done = 0;
+    for batch in moments.chunks(BATCH * rayon::current_num_threads()) {
+        let encode = |&at: &usize| {
+            let (picture, whole) = args.picture(&reader, at)?;
+            Ok((at, whole, sink.encode(&picture)?))
+        };
+        // Kept one by one, so that what stands before a fault is written whoever was faster.
+        let ready: Vec<Result<_>> = batch.par_iter().map(encode).collect();
+        for picture in ready {
+            let (at, whole, encoded) = picture?;
+            sink.put(at, &encoded).map_err(|e| progress.cause(e))?;
+            cut.extend((!whole).then_some(at));
+            done += 1;
+            progress.step(done, Some(moments.len() as u64))?;
+        }
+        reader.release(0..batch[0].saturating_sub(args.half()));
     }
     sink.finish()?;
     drop(progress);

@@ -8,6 +8,8 @@ mod avx512;
 mod counting;
 mod matrix;
 mod shorts;
+mod tally;
+mod vertical;
 
 #[cfg(all(feature = "files", feature = "threads"))]
 pub(crate) use counting::counting;
@@ -16,3 +18,5 @@ pub(crate) use matrix::{Bits, Places, ROOM, SLACK, WORDS};
 #[cfg(test)]
 pub(crate) use shorts::AnyCpu;
 pub(crate) use shorts::{SHORTS, Shorts};
+pub(crate) use tally::{Tally, Times};
+pub(crate) use vertical::{Counters, GROUPS, TILE, load};

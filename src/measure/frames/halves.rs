@@ -1,7 +1,7 @@
 //! Spikes in the halves of rows and columns of one readout.
 
 use super::pair_sums::PairSums;
-use crate::measure::vertical::{Counters, GROUPS, TILE, load};
+use crate::kernels::{Counters, GROUPS, TILE, load};
 use crate::spikes::Geometry;
 use wide::u64x4;
 

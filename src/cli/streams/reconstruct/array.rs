@@ -36,9 +36,12 @@ fn header(shape: &str) -> Vec<u8> {
 }
 
 impl Sink for Npy {
-    fn put(&mut self, _: usize, values: &[f32]) -> Result<()> {
-        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        self.0.write_all(&bytes)
+    fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
+        Ok(values.iter().flat_map(|v| v.to_le_bytes()).collect())
+    }
+
+    fn put(&mut self, _: usize, encoded: &[u8]) -> Result<()> {
+        self.0.write_all(encoded)
     }
 
     fn finish(self: Box<Self>) -> Result<()> {

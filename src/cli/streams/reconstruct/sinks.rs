@@ -7,8 +7,11 @@ use crate::cli::shared::video::Video;
 use crate::{Error, Geometry, Kind, Result, storage};
 
 /// Where pictures go.
-pub(super) trait Sink {
-    fn put(&mut self, at: usize, values: &[f32]) -> Result<()>;
+pub(super) trait Sink: Sync {
+    /// The bytes of a picture, for any thread.
+    fn encode(&self, values: &[f32]) -> Result<Vec<u8>>;
+    /// Takes them, one picture after the other.
+    fn put(&mut self, at: usize, encoded: &[u8]) -> Result<()>;
     fn finish(self: Box<Self>) -> Result<()>;
 }
 
@@ -32,8 +35,12 @@ pub(super) struct One {
 }
 
 impl Sink for One {
-    fn put(&mut self, _: usize, values: &[f32]) -> Result<()> {
-        storage::write_small(&self.path, &png(&self.shown.image(values))?, self.force)
+    fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
+        png(&self.shown.image(values))
+    }
+
+    fn put(&mut self, _: usize, encoded: &[u8]) -> Result<()> {
+        storage::write_small(&self.path, encoded, self.force)
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
@@ -47,8 +54,12 @@ pub(super) struct Film {
 }
 
 impl Sink for Film {
-    fn put(&mut self, _: usize, values: &[f32]) -> Result<()> {
-        self.video.push(self.shown.image(values).as_raw())
+    fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
+        Ok(self.shown.image(values).into_raw())
+    }
+
+    fn put(&mut self, _: usize, encoded: &[u8]) -> Result<()> {
+        self.video.push(encoded)
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
@@ -77,9 +88,12 @@ impl Folder {
 }
 
 impl Sink for Folder {
-    fn put(&mut self, at: usize, values: &[f32]) -> Result<()> {
-        let path = self.path.join(format!("{at:09}.png"));
-        storage::write_small(&path, &png(&self.shown.image(values))?, self.force)
+    fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
+        png(&self.shown.image(values))
+    }
+
+    fn put(&mut self, at: usize, encoded: &[u8]) -> Result<()> {
+        storage::write_small(&self.path.join(format!("{at:09}.png")), encoded, self.force)
     }
 
     fn finish(self: Box<Self>) -> Result<()> {

@@ -9,14 +9,14 @@
 use wide::u64x4;
 
 /// Words counted side by side.
-pub(super) const TILE: usize = 4;
+pub(crate) const TILE: usize = 4;
 
 /// Most groups of eight inputs before the counters must be emptied.
-pub(super) const GROUPS: usize = 31;
+pub(crate) const GROUPS: usize = 31;
 
 /// Four words of a slice as one lane vector.
 #[inline(always)]
-pub(super) fn load(words: &[u64], at: usize) -> u64x4 {
+pub(crate) fn load(words: &[u64], at: usize) -> u64x4 {
     let mut lanes = [0; TILE];
     lanes.copy_from_slice(&words[at..at + TILE]);
     u64x4::new(lanes)
@@ -24,18 +24,18 @@ pub(super) fn load(words: &[u64], at: usize) -> u64x4 {
 
 /// 64 x 4 counters of 8 bits.
 #[derive(Clone, Copy)]
-pub(super) struct Counters {
+pub(crate) struct Counters {
     planes: [u64x4; 8],
 }
 
 impl Counters {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { planes: [u64x4::new([0; TILE]); 8] }
     }
 
     /// Adds eight inputs.
     #[inline(always)]
-    pub(super) fn add8(&mut self, x: &[u64x4; 8]) {
+    pub(crate) fn add8(&mut self, x: &[u64x4; 8]) {
         let p = &mut self.planes;
         let (s, a) = full_add(p[0], x[0], x[1]);
         let (s, b) = full_add(s, x[2], x[3]);
@@ -57,7 +57,7 @@ impl Counters {
     /// Makes the counters hold the number of the last set input, which is 8
     /// times `turn` plus its index; pixels without any keep what they have.
     #[inline(always)]
-    pub(super) fn remember8(&mut self, x: &[u64x4; 8], turn: usize) {
+    pub(crate) fn remember8(&mut self, x: &[u64x4; 8], turn: usize) {
         let (x67, x45, x23) = (x[6] | x[7], x[4] | x[5], x[2] | x[3]);
         let upper = x45 | x67;
         let any = upper | x23 | x[0] | x[1];
@@ -72,7 +72,7 @@ impl Counters {
     }
 
     /// Which counters are not zero.
-    pub(super) fn any(&self) -> [u64; TILE] {
+    pub(crate) fn any(&self) -> [u64; TILE] {
         let mut any = self.planes[0];
         for plane in &self.planes[1..] {
             any |= *plane;
@@ -81,7 +81,7 @@ impl Counters {
     }
 
     /// The 64 counters of one of the four words, in the order of its bits.
-    pub(super) fn counts(&self, word: usize) -> [u8; 64] {
+    pub(crate) fn counts(&self, word: usize) -> [u8; 64] {
         let planes = self.planes.map(|plane| plane.to_array()[word]);
         let columns = transpose_bytes(planes);
         let mut counts = [0; 64];
@@ -118,7 +118,7 @@ fn transpose_bytes(mut words: [u64; 8]) -> [u64; 8] {
 
 /// Exchanges the high bits of `words[i]` with the low bits of its partner.
 #[inline(always)]
-pub(super) fn swap_bits(words: &mut [u64], i: usize, distance: usize, mask: u64) {
+fn swap_bits(words: &mut [u64], i: usize, distance: usize, mask: u64) {
     let t = ((words[i] >> distance) ^ words[i + distance]) & mask;
     words[i] ^= t << distance;
     words[i + distance] ^= t;
