@@ -11,10 +11,13 @@ use crate::live::sink::{Delivery, Sink, Stop};
 use crate::simulate::Readouts;
 
 /// Readouts simulated between two looks at the clock. The longer, the nearer the kernels are to their best (a batch is
-/// 128), and the longer a delivery may have to wait: here 2.4 ms of a 20 kHz camera, in about half of that time.
-const STEP: usize = 48;
+/// 128), and the longer a delivery may have to wait: here 1.2 ms of a 20 kHz camera, in about half of that time.
+const STEP: usize = 24;
 
-/// The same where less than a quarter of what should be ahead is: the speed of a whole batch counts more then.
+/// The same where a quarter of what should be ahead is missing.
+const LONGER: usize = 48;
+
+/// The same where three quarters are missing: the speed of a whole batch counts more then.
 const CATCHING_UP: usize = 128;
 
 /// A wait is cut into pieces of this length, between which a request to stop is heard.
@@ -76,8 +79,17 @@ pub fn run<C: Clock>(
             .found(format_args!("{} readouts a second, {} at a time", pace.readout_hz, pace.burst))
             .expected("positive numbers"));
     }
-    let mut ahead =
-        Ahead { source, codec, pace, waiting: VecDeque::new(), spare: Vec::new(), made: 0, over: false };
+    let mut ahead = Ahead {
+        source,
+        codec,
+        pace,
+        waiting: VecDeque::new(),
+        spare: Vec::new(),
+        packed: Vec::new(),
+        kept: Vec::new(),
+        made: 0,
+        over: false,
+    };
     while ahead.wants_more() {
         ahead.step(stop)?;
     }
@@ -148,6 +160,9 @@ struct Ahead<'r, 's> {
     pace: Pace,
     waiting: VecDeque<Burst>,
     spare: Vec<Burst>,
+    /// What the last step gave, kept for its memory.
+    packed: Vec<u8>,
+    kept: Vec<u64>,
     made: u64,
     over: bool,
 }
@@ -164,11 +179,14 @@ impl Ahead<'_, '_> {
 
     /// Simulates the next bursts.
     fn step(&mut self, stop: &Stop) -> Result<()> {
-        let low = 4 * self.waiting.len() * self.pace.burst < self.pace.ahead;
-        let readouts = if low { CATCHING_UP } else { STEP };
+        let readouts = match 4 * self.waiting.len() * self.pace.burst / self.pace.ahead.max(1) {
+            0 => CATCHING_UP,
+            1 | 2 => LONGER,
+            _ => STEP,
+        };
         let bursts = (readouts / self.pace.burst).max(1);
-        let (mut packed, mut kept) = (Vec::new(), Vec::new());
-        let passed = match self.source.fill(bursts * self.pace.burst, &mut packed, &mut kept) {
+        let Self { packed, kept, .. } = self;
+        let passed = match self.source.fill(bursts * self.pace.burst, packed, kept) {
             Ok(passed) => passed,
             // Light that stopped because it was asked to has simply ended.
             Err(_) if stop.is_raised() => 0,

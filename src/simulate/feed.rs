@@ -5,6 +5,7 @@ use std::sync::Arc;
 use crate::error::Result;
 use crate::kernels::{Light, Segment};
 use crate::light::{Between, Frame, Insertion, OwnedSamples, Source, Timeline};
+use crate::simulate::segments::stops_before;
 
 /// Light of some readouts of a batch: one frame, or the way to the next.
 pub(super) struct Piece {
@@ -143,7 +144,8 @@ impl<'a> Feeder<'a> {
     }
 
     /// Light of up to `readouts` readouts, whose frames hold little more than `room` bytes;
-    /// nothing at the end of the source or the limit.
+    /// nothing at the end of the source or the limit. It ends with a whole frame where at least half of the
+    /// readouts are there: [`stops_before`].
     pub(crate) fn fill(&mut self, readouts: usize, room: usize) -> Result<Vec<Piece>> {
         let (mut pieces, mut left, mut held) = (Vec::new(), readouts as u64, 0);
         while left > 0 && held <= room && self.at < self.limit {
@@ -152,6 +154,9 @@ impl<'a> Feeder<'a> {
                 break;
             }
             let end = self.timeline.first_readout(frame.saturating_add(1)).unwrap_or(u64::MAX);
+            if stops_before((end - self.at) as usize, left as usize, readouts) {
+                break;
+            }
             let count = (end - self.at).min(left).min(self.limit - self.at);
             let moved = self.moved()?;
             let flows = self.timeline.insertion() == Insertion::Flow && !self.over;

@@ -13,12 +13,21 @@ pub(super) fn between<'a>(from: &'a Dense<'_>, to: &'a Dense<'_>, weights: &'a [
     Ok(Segment { readouts: weights.len(), light })
 }
 
+/// Whether a run that has room for `left` of `most` readouts ends before a segment of `readouts`: one that is cut
+/// is begun twice, and its shorter part is run at less than the speed of the whole.
+pub(super) fn stops_before(readouts: usize, left: usize, most: usize) -> bool {
+    readouts > left && readouts <= most && 2 * left <= most
+}
+
 /// Cuts segments into runs of at most `most` readouts.
 pub(super) fn batches<'a>(segments: &[Segment<'a>], most: usize) -> Vec<Vec<Segment<'a>>> {
     let mut all = vec![Vec::new()];
     let mut room = most;
     for segment in segments {
         let mut rest = *segment;
+        if stops_before(rest.readouts, room, most) {
+            room = 0;
+        }
         while rest.readouts > 0 {
             if room == 0 {
                 all.push(Vec::new());
