@@ -3,7 +3,7 @@
 //! They are final: a changed bit is a breaking change, with a new version and a line in the
 //! changelog. `GOLDEN_PRINT=1` with `--nocapture` prints `golden.json` anew.
 
-#![cfg(feature = "files")]
+#![cfg(feature = "presets")]
 
 mod common_oracle;
 

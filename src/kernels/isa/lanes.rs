@@ -13,6 +13,7 @@ pub(crate) const COUNTED: usize = 64;
 pub(crate) const MOST_COUNTS: usize = COUNTED * 32;
 
 /// What the counts of a vector's pixels are drawn from.
+#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code, reason = "only AVX-512 draws them together"))]
 pub(crate) struct CountDraw<'a> {
     pub tables: &'a poisson::Tables,
     /// One for each pixel.
