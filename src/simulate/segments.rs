@@ -58,3 +58,25 @@ pub(super) fn split(segment: Segment<'_>, at: usize) -> (Segment<'_>, Segment<'_
     };
     (Segment { readouts: at, light: first }, Segment { readouts: segment.readouts - at, light: later })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::Samples;
+
+    /// Readouts of each segment of each batch of at most 48, for frames that are held so long.
+    fn cut(frames: &[usize]) -> Vec<Vec<usize>> {
+        let light = Light::Held(Samples::U8(&[0]));
+        let segments: Vec<_> = frames.iter().map(|&readouts| Segment { readouts, light }).collect();
+        batches(&segments, 48).iter().map(|batch| batch.iter().map(|s| s.readouts).collect()).collect()
+    }
+
+    #[test]
+    fn a_frame_that_would_be_cut_begins_the_next_batch_where_half_of_one_is_there() {
+        assert_eq!(cut(&[20, 20, 20, 20]), [[20, 20], [20, 20]]);
+        // Less than half a batch would be left, or the frame fits none.
+        assert_eq!(cut(&[20, 30]), [vec![20, 28], vec![2]]);
+        assert_eq!(cut(&[40, 100]), [vec![40, 8], vec![48], vec![44]]);
+        assert_eq!(cut(&[48, 0, 1]), [[48], [1]]);
+    }
+}
