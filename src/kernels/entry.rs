@@ -32,59 +32,48 @@ impl Entry for Work<'_, '_, '_, Portable> {
     }
 }
 
-/// Runs the job with 128-bit vectors.
+/// The entry of an instruction set: functions that are compiled with its features, and a token that proves them.
 #[cfg(target_arch = "x86_64")]
-pub(super) fn sse41(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-    let token = Sse41::detect().expect("the sse4.1 backend needs SSE4.1");
-    body::by_case(job, Work { token, job, state, out });
-}
-
-#[cfg(target_arch = "x86_64")]
-impl Entry for Work<'_, '_, '_, Sse41> {
-    fn enter<const CASE: u8>(self) {
-        #[target_feature(enable = "sse4.1")]
-        fn enter<const CASE: u8>(token: Sse41, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-            body::run::<_, CASE>(token, job, state, out);
+macro_rules! entry {
+    ($(#[$doc:meta])* $name:ident: $token:ty, $features:literal, $expected:literal) => {
+        $(#[$doc])*
+        pub(super) fn $name(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+            let token = <$token>::detect().expect($expected);
+            body::by_case(job, Work { token, job, state, out });
         }
-        // SAFETY: the token proves the feature that the function is compiled with.
-        unsafe { enter::<CASE>(self.token, self.job, self.state, self.out) }
-    }
-}
 
-/// Runs the job with 256-bit vectors.
-#[cfg(target_arch = "x86_64")]
-pub(super) fn avx2(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-    let token = Avx2::detect().expect("the avx2 backend needs AVX2");
-    body::by_case(job, Work { token, job, state, out });
-}
-
-#[cfg(target_arch = "x86_64")]
-impl Entry for Work<'_, '_, '_, Avx2> {
-    fn enter<const CASE: u8>(self) {
-        #[target_feature(enable = "avx2")]
-        fn enter<const CASE: u8>(token: Avx2, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-            body::run::<_, CASE>(token, job, state, out);
+        impl Entry for Work<'_, '_, '_, $token> {
+            fn enter<const CASE: u8>(self) {
+                #[target_feature(enable = $features)]
+                fn enter<const CASE: u8>(
+                    token: $token,
+                    job: &Job<'_>,
+                    state: &mut StateParts<'_>,
+                    out: &mut [u8],
+                ) {
+                    body::run::<_, CASE>(token, job, state, out);
+                }
+                // SAFETY: the token proves the features that the function is compiled with.
+                unsafe { enter::<CASE>(self.token, self.job, self.state, self.out) }
+            }
         }
-        // SAFETY: the token proves the feature that the function is compiled with.
-        unsafe { enter::<CASE>(self.token, self.job, self.state, self.out) }
-    }
-}
-
-/// Runs the job with 512-bit vectors.
-#[cfg(target_arch = "x86_64")]
-pub(super) fn avx512(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-    let token = Avx512::detect().expect("the avx512 backend needs AVX-512 F, BW and VBMI");
-    body::by_case(job, Work { token, job, state, out });
+    };
 }
 
 #[cfg(target_arch = "x86_64")]
-impl Entry for Work<'_, '_, '_, Avx512> {
-    fn enter<const CASE: u8>(self) {
-        #[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
-        fn enter<const CASE: u8>(token: Avx512, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-            body::run::<_, CASE>(token, job, state, out);
-        }
-        // SAFETY: the token proves the features that the function is compiled with.
-        unsafe { enter::<CASE>(self.token, self.job, self.state, self.out) }
-    }
+entry! {
+    /// Runs the job with 128-bit vectors.
+    sse41: Sse41, "sse4.1", "the sse4.1 backend needs SSE4.1"
+}
+
+#[cfg(target_arch = "x86_64")]
+entry! {
+    /// Runs the job with 256-bit vectors.
+    avx2: Avx2, "avx2", "the avx2 backend needs AVX2"
+}
+
+#[cfg(target_arch = "x86_64")]
+entry! {
+    /// Runs the job with 512-bit vectors.
+    avx512: Avx512, "avx512f,avx512bw,avx512vbmi", "the avx512 backend needs AVX-512 F, BW and VBMI"
 }

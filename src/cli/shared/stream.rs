@@ -58,13 +58,16 @@ pub(crate) fn spikes_in(reader: &Reader, readouts: Range<usize>) -> Result<u64> 
         readouts.clone().step_by(part).map(|from| from..readouts.end.min(from + part)).collect();
     let count = |part: Range<usize>| {
         let mut frames = reader.frames(part)?;
-        counting(|| {
-            let mut count = 0;
-            while let Some(frame) = frames.next_frame() {
-                count += spikes::count(frame?);
-            }
-            Ok(count)
-        })
+        counting(
+            #[inline(always)]
+            || {
+                let mut count = 0;
+                while let Some(frame) = frames.next_frame() {
+                    count += spikes::count(frame?);
+                }
+                Ok(count)
+            },
+        )
     };
     parts.into_par_iter().map(count).sum()
 }

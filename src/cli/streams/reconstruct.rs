@@ -184,7 +184,7 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let mut done = 0;
     for batch in moments.chunks(BATCH * rayon::current_num_threads()) {
         let encode = |&at: &usize| {
-            let (picture, whole) = args.picture(&reader, at)?;
+            let (picture, whole) = if at == moments[0] { first.clone() } else { args.picture(&reader, at)? };
             Ok((at, whole, sink.encode(&picture)?))
         };
         // Kept one by one, so that what stands before a fault is written whoever was faster.
@@ -196,7 +196,7 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
             done += 1;
             progress.step(done, Some(moments.len() as u64))?;
         }
-        reader.release(0..batch[0].saturating_sub(args.half()));
+        reader.release(0..batch[batch.len() - 1].saturating_sub(args.half()));
     }
     sink.finish()?;
     drop(progress);
