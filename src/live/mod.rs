@@ -3,18 +3,23 @@
 //! [`run`] simulates ahead, hands readouts to a [`Sink`] when a camera would have finished them, and says how late
 //! they were. [`Pipe`] writes to a pipe or socket, [`Ring`] to shared memory.
 
+mod ahead;
 mod clock;
+mod deliver;
 mod lateness;
 mod pace;
 mod pipe;
 mod ring;
+mod run;
 mod sink;
 #[cfg(test)]
 mod tests;
+mod turns;
 
 pub use clock::{Clock, SystemClock};
 pub use lateness::Lateness;
-pub use pace::{Pace, Report, run};
+pub use pace::{Pace, Report};
 pub use pipe::Pipe;
 pub use ring::{Ring, RingReader, Slot};
+pub use run::run;
 pub use sink::{Delivery, Policy, Sink, Stop};

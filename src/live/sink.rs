@@ -43,8 +43,8 @@ pub enum Delivery {
     Gone,
 }
 
-/// A way to a consumer.
-pub trait Sink {
+/// A way to a consumer; a thread of its own delivers.
+pub trait Sink: Send {
     /// Takes a burst of whole frames of `frame_bytes` bytes, in the order of time.
     ///
     /// # Errors

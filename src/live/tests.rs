@@ -1,10 +1,8 @@
 //! The pace on a clock of our own, and every sink.
 
-use std::cell::Cell;
 use std::io::Read as _;
-use std::rc::Rc;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use super::*;
@@ -18,15 +16,16 @@ const READOUTS: u64 = 100;
 
 /// A clock that jumps to where it is waited for.
 #[derive(Clone, Default)]
-struct Hand(Rc<Cell<Duration>>);
+struct Hand(Arc<Mutex<Duration>>);
 
 impl Clock for Hand {
     fn now(&self) -> Duration {
-        self.0.get()
+        *self.0.lock().unwrap()
     }
 
     fn wait_until(&mut self, moment: Duration, at_most: Duration) {
-        self.0.set(moment.min(self.0.get() + at_most));
+        let mut now = self.0.lock().unwrap();
+        *now = moment.min(*now + at_most);
     }
 }
 
@@ -36,12 +35,12 @@ struct Seen {
     takes: Duration,
     bytes: Vec<u8>,
     at: Vec<Duration>,
-    answer: Box<dyn FnMut(usize) -> Delivery>,
+    answer: Box<dyn FnMut(usize) -> Delivery + Send>,
     finished: bool,
 }
 
 impl Seen {
-    fn new(takes: Duration, answer: impl FnMut(usize) -> Delivery + 'static) -> Self {
+    fn new(takes: Duration, answer: impl FnMut(usize) -> Delivery + Send + 'static) -> Self {
         let (bytes, at, answer) = (Vec::new(), Vec::new(), Box::new(answer));
         Self { clock: Hand::default(), takes, bytes, at, answer, finished: false }
     }
@@ -50,7 +49,7 @@ impl Seen {
 impl Sink for Seen {
     fn deliver(&mut self, frames: &[u8]) -> Result<Delivery> {
         self.at.push(self.clock.now());
-        self.clock.0.set(self.clock.now() + self.takes);
+        *self.clock.0.lock().unwrap() += self.takes;
         self.bytes.extend_from_slice(frames);
         Ok((self.answer)(self.at.len()))
     }
