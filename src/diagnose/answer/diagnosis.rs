@@ -85,7 +85,7 @@ pub struct Unknown {
 pub struct Gap {
     /// On the fitted recordings; the first without any added effect.
     pub train: Vec<f64>,
-    /// On the others.
+    /// On the others; the same numbers where nothing was held out.
     pub heldout: Vec<f64>,
     /// What the final model's own sensors have.
     pub floor: f64,
@@ -94,6 +94,12 @@ pub struct Gap {
 }
 
 impl Gap {
+    /// Whether other recordings than the fitted ones judged.
+    #[must_use]
+    pub fn is_held_out(&self) -> bool {
+        self.train != self.heldout
+    }
+
     /// Largest held-out gap of a set that is explained: the floor, and a hundredth of what the first one was beyond it or two
     /// deviations of the floor.
     #[must_use]

@@ -43,8 +43,9 @@ pub(in crate::diagnose) fn of_the_sets(
 /// Why a set of which no statistic is beyond its limit is not explained.
 pub(in crate::diagnose) fn open(gap: &Gap) -> String {
     format!(
-        "No statistic by itself is beyond what the final model's own sensors show, but the held-out gap is {:.0} where theirs is \
+        "No statistic by itself is beyond what the final model's own sensors show, but the {}gap is {:.0} where theirs is \
          {:.0} and {:.0} is the most that counts as explained. Of clean sensors two in a hundred are this far off by chance.",
+        if gap.is_held_out() { "held-out " } else { "" },
         gap.heldout.last().copied().unwrap_or_default(),
         gap.floor,
         gap.limit()

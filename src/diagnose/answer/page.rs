@@ -1,7 +1,7 @@
 //! The report: one page.
 
 use super::about_page::{glossary, judged, made};
-use super::diagnosis::{Diagnosis, Verdict};
+use super::diagnosis::{Diagnosis, Gap, Verdict};
 use super::pictures_page::seen;
 use super::words::{interval, rounded};
 use crate::diagnose::search::round::Fate;
@@ -150,34 +150,37 @@ fn named(d: &Diagnosis) -> Vec<Part> {
 }
 
 fn gap(d: &Diagnosis) -> Result<Vec<Part>> {
+    const MEASURE: &str =
+        "the squared distance of the statistics to the model, with what calibration fits taken out";
+    let Gap { train, heldout, floor, floor_sd } = &d.gap;
     // One bar beside no other says no more than its number.
-    if let ([fitted], [held_out]) = (d.gap.train.as_slice(), d.gap.heldout.as_slice()) {
+    if let ([fitted], [judging]) = (train.as_slice(), heldout.as_slice()) {
+        let values = if d.gap.is_held_out() {
+            format!("{fitted:.0} for the fitted recordings and {judging:.0} for the held-out ones")
+        } else {
+            format!("{fitted:.0}")
+        };
         return Ok(vec![Part::text(format!(
-            "Nothing was added. The squared distance of the statistics to the model, with what calibration fits taken out, is {fitted:.0} for \
-             the fitted recordings and {held_out:.0} for the held-out ones; the model's own sensors have {:.0}, with a deviation of {:.0}.",
-            d.gap.floor, d.gap.floor_sd
+            "Nothing was added. The gap, {MEASURE}, is {values}; the model's own sensors have {floor:.0}, with a deviation of {floor_sd:.0}."
         ))]);
     }
-    let values = d.gap.train.iter().zip(&d.gap.heldout);
-    let row = |(name, (a, b)): (&String, (&f64, &f64))| Row {
-        name: format!("{name}: {a:.0}, {b:.0}"),
-        values: vec![*a, *b],
+    let (sets, whose): (&[&str], _) = if d.gap.is_held_out() {
+        (&["fitted recordings", "held-out recordings"], "of the held-out recordings")
+    } else {
+        (&["recordings"], "of these recordings")
     };
-    let rows: Vec<Row> = d.traces.gaps.iter().zip(values).map(row).collect();
+    let row = |(name, (a, b)): (&String, (&f64, &f64))| {
+        let values = if d.gap.is_held_out() { vec![*a, *b] } else { vec![*a] };
+        let said: Vec<String> = values.iter().map(|v| format!("{v:.0}")).collect();
+        Row { name: format!("{name}: {}", said.join(", ")), values }
+    };
+    let rows: Vec<Row> = d.traces.gaps.iter().zip(train.iter().zip(heldout)).map(row).collect();
+    let [first, last] = [heldout.first(), heldout.last()].map(|v| v.copied().unwrap_or_default());
     Ok(vec![Part::figure(
-        ranked(
-            "squared distance, in standard deviations squared",
-            &["fitted recordings", "held-out recordings"],
-            &rows,
-            Some((d.gap.floor, "floor")),
-        )?,
+        ranked("squared distance, in standard deviations squared", sets, &rows, Some((*floor, "floor")))?,
         format!(
-            "Squared distance of the statistics to the model, with what calibration fits taken out. The floor, what the final \
-             model's own sensors have, is {:.0}, with a deviation of {:.0}. Held out, the gap is {:.0} at first and {:.0} at last.",
-            d.gap.floor,
-            d.gap.floor_sd,
-            d.gap.heldout.first().unwrap_or(&0.0),
-            d.gap.heldout.last().unwrap_or(&0.0)
+            "The gap is {MEASURE}. That {whose} is {first:.0} at first and {last:.0} at last; the final model's own sensors have {floor:.0}, \
+             the floor, with a deviation of {floor_sd:.0}."
         ),
     )])
 }

@@ -50,10 +50,14 @@ impl Step {
     /// bringing the model nearer, and its squared distance may grow.
     pub(in crate::diagnose) fn nearer(&self, floor: f64) -> String {
         let [from, to] = [self.before[1], self.after[1]].map(f64::round);
+        // Where nothing was held out, both are of the same recordings.
+        let held_out = self.before[0] != self.before[1] || self.after[0] != self.after[1];
         if to < from {
-            format!("the held-out gap falls from {from:.0} to {to:.0}, where its floor is {floor:.0}")
+            let gap = if held_out { "held-out gap" } else { "gap" };
+            format!("the {gap} falls from {from:.0} to {to:.0}, where its floor is {floor:.0}")
         } else {
-            "held-out recordings become likelier, as sensors with it differ more".to_owned()
+            let recordings = if held_out { "held-out recordings" } else { "recordings" };
+            format!("{recordings} become likelier, as sensors with it differ more")
         }
     }
 }
@@ -114,6 +118,8 @@ mod tests {
         let fell = Step { before: [900.0, 950.0], after: [210.0, 200.0] };
         assert_eq!(fell.words(), "the misfit goes from 900 to 210 (950 held out: 200)");
         assert_eq!(fell.nearer(190.0), "the held-out gap falls from 950 to 200, where its floor is 190");
+        let alone = Step { before: [45.0, 45.0], after: [14.0, 14.0] };
+        assert_eq!(alone.nearer(11.0), "the gap falls from 45 to 14, where its floor is 11");
         let grew = Step { before: [2403.0, 2400.0], after: [4702.0, 4600.0] }.nearer(900.0);
         assert!(!grew.contains("4702") && !grew.contains("4600"), "{grew}");
     }
