@@ -43,6 +43,7 @@ runs! {
     why_diagnosis: "docs/why/diagnosis.md";
     why_fuzzing: "docs/why/fuzzing.md";
     why_measure_coverage: "docs/why/measure-coverage.md";
+    why_networks: "docs/why/networks.md";
     why_performance: "docs/why/performance.md";
     why_presets: "docs/why/presets.md";
     why_reconstruction: "docs/why/reconstruction.md";

@@ -1,0 +1,230 @@
+"""Does the noise of the training data matter? Networks trained on each preset, tried on real recordings.
+
+    python study/networks/main.py --real FOLDER [--steps 1500] [--seeds 3] [--workers 14] [--markdown docs/why/networks.md]
+
+Needs the package `spikelane`, torch, and a folder with `static_400x250x300.dat` and `lowlight_250x250x120.npz`. Every
+preset sees the same light; each clip has a fixed pattern of its own and every epoch fresh noise.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.utils.data import DataLoader
+
+import spikelane as sl
+from spikelane.torch import SpikeClips
+
+READOUTS, CROP, BATCH = 41, 64, 16
+HEIGHT, WIDTH = 160, 256
+PRESETS = ("ideal", "neuspike", "physical", "scsim-code", "vidar-measured", "vidar-lowlight")
+START, END = "<!-- networks: begin -->", "<!-- networks: end -->"
+
+
+def scene(seed: int) -> NDArray[np.float32]:
+    """Light (2, 5, H, W) of a drive through a random city at two moments, 2000 frames a second."""
+    made = sl.Scene(seed, HEIGHT, WIDTH, lighting="noon", duration_s=1.0)
+    return np.stack([np.minimum(made.clip(t, 5, 2000), 1.0) for t in (0.2, 0.8)])
+
+
+def light(scenes: int) -> NDArray[np.float32]:
+    """Clips (2 * scenes, 5, H, W); how bright is log-uniform over 0.03 to 0.6 thresholds a readout."""
+    with ProcessPoolExecutor() as pool:
+        clips = np.concatenate(list(pool.map(scene, range(scenes))))
+    bright = 0.03 * 20.0 ** np.random.default_rng(5).random(len(clips))
+    mean = clips.mean(axis=(1, 2, 3))
+    # A clip's mean is the brightness; what would exceed full scale is cut, as a camera's owner avoids it.
+    return np.minimum(clips * (bright / mean)[:, None, None, None], 1.0).astype(np.float32)
+
+
+def span(spikes: Tensor) -> Tensor:
+    """Spikes a readout between the first spike and the last, (B, 1, H, W); the count where there are fewer than two."""
+    count = spikes.sum(dim=1, keepdim=True)
+    times = torch.arange(spikes.shape[1], device=spikes.device)[None, :, None, None]
+    fired = spikes > 0
+    last = torch.where(fired, times, -1).amax(dim=1, keepdim=True)
+    first = torch.where(fired, times, spikes.shape[1]).amin(dim=1, keepdim=True)
+    return torch.where(count > 1, (count - 1) / (last - first).clamp(min=1), count / spikes.shape[1])
+
+
+class Net(nn.Module):
+    """Five layers: what they add to the span rate."""
+
+    def __init__(self, channels: int = 24) -> None:
+        super().__init__()
+        layers: list[nn.Module] = [nn.Conv2d(READOUTS + 1, channels, 3, padding=1), nn.ReLU()]
+        for _ in range(3):
+            layers += [nn.Conv2d(channels, channels, 3, padding=1), nn.ReLU()]
+        self.body = nn.Sequential(*layers, nn.Conv2d(channels, 1, 3, padding=1))
+
+    def forward(self, spikes: Tensor) -> Tensor:
+        start = span(spikes)
+        scale = start.mean(dim=(2, 3), keepdim=True).clamp(min=1e-3)
+        return start + scale * self.body(torch.cat([spikes, start / scale], dim=1))
+
+
+def loader(clips: NDArray[np.float32], preset: str, seed: int, workers: int) -> tuple[SpikeClips, DataLoader[Any]]:
+    camera = sl.Camera.preset(preset).resized(HEIGHT, WIDTH).with_sensor(thresholds_at_full_scale=1.0)
+    data = SpikeClips(clips, camera, 10, crop=(CROP, CROP), seed=seed, readouts=READOUTS, cameras=len(clips))
+    lasting = workers > 0
+    return data, DataLoader(
+        data, BATCH, shuffle=True, num_workers=workers, drop_last=True, persistent_workers=lasting, pin_memory=True
+    )
+
+
+def train(clips: NDArray[np.float32], preset: str, seed: int, steps: int, workers: int, device: str) -> tuple[Net, float]:
+    """A network after `steps` steps, and the clips a second that it was given."""
+    torch.manual_seed(seed)
+    data, batches = loader(clips, preset, seed, workers)
+    net = Net().to(device)
+    optimiser = torch.optim.Adam(net.parameters(), lr=2e-3)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
+    done, epoch, start = 0, 0, time.monotonic()
+    while done < steps:
+        data.set_epoch(epoch)
+        epoch += 1
+        for batch in batches:
+            spikes = batch["spikes"].to(device, non_blocking=True).float()
+            rate = batch["light"].to(device, non_blocking=True)
+            scale = rate.mean(dim=(1, 2, 3), keepdim=True).clamp(min=1e-3)
+            loss = (((net(spikes) - rate) / scale) ** 2).mean()
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            schedule.step()
+            done += 1
+            if done == steps:
+                break
+    return net.eval(), steps * BATCH / (time.monotonic() - start)
+
+
+def high(picture: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What a picture has beyond the mean of 5x5 pixels, without a border of two."""
+    window = np.lib.stride_tricks.sliding_window_view(picture, (5, 5))
+    return picture[2:-2, 2:-2] - window.mean(axis=(2, 3))
+
+
+def score(found: NDArray[np.float64], truth: NDArray[np.float64]) -> tuple[float, float, float]:
+    """PSNR after the best gain and offset; the share of detail that is kept; noise of what is no detail, of the mean."""
+    gain, offset = np.polyfit(found.ravel(), truth.ravel(), 1)
+    aligned = gain * found + offset
+    peak = np.percentile(truth, 99.9)
+    error = np.mean((aligned - truth) ** 2)
+    fine, wanted = high(aligned).ravel(), high(truth).ravel()
+    kept = float(fine @ wanted / (wanted @ wanted))
+    return 10 * np.log10(peak**2 / error), kept, float(np.std(fine - kept * wanted) / truth.mean())
+
+
+class Real:
+    """A recording in windows, and the mean of all its readouts beside them."""
+
+    def __init__(self, spikes: NDArray[np.uint8], rows: slice) -> None:
+        starts = range(0, len(spikes) - READOUTS + 1, READOUTS)
+        self.windows = torch.from_numpy(np.stack([spikes[s : s + READOUTS] for s in starts]))
+        self.truth, self.rows = spikes.mean(axis=0, dtype=np.float64), rows
+
+    @torch.no_grad()
+    def judged(self, of: Any, device: str) -> NDArray[np.float64]:
+        """Mean score over the windows of what `of` makes of spikes."""
+        pictures = [of(w[None].to(device).float())[0, 0].double().cpu().numpy() for w in self.windows]
+        return np.mean([score(p[self.rows], self.truth[self.rows]) for p in pictures], axis=0)
+
+
+def recordings(folder: Path) -> dict[str, Real]:
+    static = sl.open_stream(folder / "static_400x250x300.dat", width=400, height=250)
+    static = static.bits()
+    dim = np.load(folder / "lowlight_250x250x120.npz")["spk"].astype(np.uint8)
+    return {"still rows": Real(static, slice(100, 180)), "static": Real(static, slice(0, 250)), "low light": Real(dim, slice(0, 250))}
+
+
+def pace(clips: NDArray[np.float32], workers: int, device: str) -> list[str]:
+    """How much of the time of a training step, small network and large, is spent waiting for fresh streams."""
+    rows = []
+    for channels in (24, 96, 256):
+        data, batches = loader(clips, "physical", 1, workers)
+        net = Net(channels).to(device)
+        optimiser = torch.optim.Adam(net.parameters())
+
+        def step(batch: dict[str, Tensor]) -> None:
+            spikes, rate = batch["spikes"].to(device).float(), batch["light"].to(device)
+            loss = ((net(spikes) - rate) ** 2).mean()
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+
+        def timed(source: Any) -> float:
+            start, n = time.monotonic(), 0
+            for batch in source:
+                step(batch)
+                n += 1
+            if device == "cuda":
+                torch.cuda.synchronize()
+            return n / (time.monotonic() - start)
+
+        kept = next(iter(batches))
+        timed([kept] * 10)
+        alone = timed([kept] * 200)
+        fresh = 0.0
+        for epoch in range(1, 6):
+            data.set_epoch(epoch)
+            fresh = max(fresh, timed(batches))
+        rows.append(f"| {channels} | {alone:.0f} | {fresh:.0f} | {fresh / alone:.2f} | {fresh * BATCH:.0f} |")
+    return rows
+
+
+def table(arguments: argparse.Namespace) -> list[str]:
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    real, clips = recordings(arguments.real), light(arguments.scenes)
+    where = torch.cuda.get_device_name() if device == "cuda" else "the CPU"
+    words = f"{time.strftime('%Y-%m-%d')}, {where}, spikelane {sl.__version__}: {len(clips)} clips of {HEIGHT}x{WIDTH}, crops"
+    lines = [f"{words} of {CROP}x{CROP}, {arguments.steps} steps of {BATCH}, {arguments.seeds} seeds.", ""]
+    lines.append("| trained on | " + " | ".join(f"{name}, dB | detail | noise e-3" for name in real) + " |")
+    lines.append("|---|" + "--:|" * (3 * len(real)))
+
+    def cells(all_scores: list[NDArray[np.float64]]) -> str:
+        mean, sd = np.mean(all_scores, axis=0), np.std(all_scores, axis=0, ddof=1 if len(all_scores) > 1 else 0)
+        return f"{mean[0]:.1f} +- {sd[0]:.1f} | {mean[1]:.2f} | {1e3 * mean[2]:.1f}"
+
+    for preset in arguments.presets:
+        found: dict[str, list[NDArray[np.float64]]] = {name: [] for name in real}
+        for seed in range(1, arguments.seeds + 1):
+            net, speed = train(clips, preset, seed, arguments.steps, arguments.workers, device)
+            for name, recording in real.items():
+                found[name].append(recording.judged(net, device))
+            print(f"{preset}, seed {seed}: {speed:.0f} clips/s, " + ", ".join(f"{s[-1][0]:.1f} dB" for s in found.values()), flush=True)
+        lines.append(f"| `{preset}` | " + " | ".join(cells(s) for s in found.values()) + " |")
+    for name, of in (("span rate, no network", span), ("TFP", lambda s: s.mean(dim=1, keepdim=True))):
+        lines.append(f"| {name} | " + " | ".join(cells([r.judged(of, device)]) for r in real.values()) + " |")
+    lines += ["", f"Steps a second of {BATCH} crops, `physical`, {arguments.workers} workers:", ""]
+    lines += ["| channels | the same batch again | fresh streams | share | clips/s |", "|--:|--:|--:|--:|--:|"]
+    return lines + pace(clips, arguments.workers, device)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--real", type=Path, required=True)
+    parser.add_argument("--scenes", type=int, default=144)
+    parser.add_argument("--steps", type=int, default=1500)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--workers", type=int, default=14)
+    parser.add_argument("--presets", nargs="*", default=PRESETS)
+    parser.add_argument("--markdown", type=Path)
+    arguments = parser.parse_args()
+    lines = table(arguments)
+    print("\n".join(lines))
+    if arguments.markdown:
+        text = arguments.markdown.read_text()
+        before, after = text.partition(START)[0], text.partition(END)[2]
+        arguments.markdown.write_text("\n".join([before + START, *lines, END]) + after)
+
+
+if __name__ == "__main__":
+    main()
