@@ -3,7 +3,7 @@
     python study/networks/main.py --real FOLDER [--steps 1500] [--seeds 3] [--workers 14] [--markdown docs/why/networks.md]
 
 Needs the package `spikelane`, torch, and a folder with `static_400x250x300.dat` and `lowlight_250x250x120.npz`. Every
-preset sees the same light; each clip has a fixed pattern of its own and every epoch fresh noise.
+preset sees the same light; each clip has in every epoch a fixed pattern and noise of its own.
 """
 
 from __future__ import annotations
@@ -72,8 +72,9 @@ class Net(nn.Module):
 
 
 def loader(clips: NDArray[np.float32], preset: str, seed: int, workers: int) -> tuple[SpikeClips, DataLoader[Any]]:
-    camera = sl.Camera.preset(preset).resized(HEIGHT, WIDTH).with_sensor(thresholds_at_full_scale=1.0)
-    data = SpikeClips(clips, camera, 10, crop=(CROP, CROP), seed=seed, readouts=READOUTS, cameras=len(clips))
+    # Without a range in it every item draws the same camera, with a fixed pattern of its own.
+    cameras = sl.CameraDistribution(sl.Camera.preset(preset).to_toml().partition("[maps]")[0])
+    data = SpikeClips(clips, cameras, 10, crop=(CROP, CROP), seed=seed, readouts=READOUTS)
     lasting = workers > 0
     return data, DataLoader(
         data, BATCH, shuffle=True, num_workers=workers, drop_last=True, persistent_workers=lasting, pin_memory=True
@@ -186,6 +187,8 @@ def table(arguments: argparse.Namespace) -> list[str]:
     where = torch.cuda.get_device_name() if device == "cuda" else "the CPU"
     words = f"{time.strftime('%Y-%m-%d')}, {where}, spikelane {sl.__version__}: {len(clips)} clips of {HEIGHT}x{WIDTH}, crops"
     lines = [f"{words} of {CROP}x{CROP}, {arguments.steps} steps of {BATCH}, {arguments.seeds} seeds.", ""]
+    paces = pace(clips, arguments.workers, device)
+    print("\n".join(paces), flush=True)
     lines.append("| trained on | " + " | ".join(f"{name}, dB | detail | noise e-3" for name in real) + " |")
     lines.append("|---|" + "--:|" * (3 * len(real)))
 
@@ -199,13 +202,14 @@ def table(arguments: argparse.Namespace) -> list[str]:
             net, speed = train(clips, preset, seed, arguments.steps, arguments.workers, device)
             for name, recording in real.items():
                 found[name].append(recording.judged(net, device))
-            print(f"{preset}, seed {seed}: {speed:.0f} clips/s, " + ", ".join(f"{s[-1][0]:.1f} dB" for s in found.values()), flush=True)
+            heard = ", ".join(f"{s[-1][0]:.2f} dB {s[-1][1]:.3f} {1e3 * s[-1][2]:.2f}" for s in found.values())
+            print(f"{preset}, seed {seed}: {speed:.0f} clips/s, {heard}", flush=True)
         lines.append(f"| `{preset}` | " + " | ".join(cells(s) for s in found.values()) + " |")
     for name, of in (("span rate, no network", span), ("TFP", lambda s: s.mean(dim=1, keepdim=True))):
         lines.append(f"| {name} | " + " | ".join(cells([r.judged(of, device)]) for r in real.values()) + " |")
     lines += ["", f"Steps a second of {BATCH} crops, `physical`, {arguments.workers} workers:", ""]
     lines += ["| channels | the same batch again | fresh streams | share | clips/s |", "|--:|--:|--:|--:|--:|"]
-    return lines + pace(clips, arguments.workers, device)
+    return lines + paces
 
 
 def main() -> None:

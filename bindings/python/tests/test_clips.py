@@ -75,7 +75,12 @@ def test_a_distribution_gives_each_clip_a_camera_of_its_own(clips):
     assert len({item["camera_seed"] for item in items}) == 14
     assert len({item["exposure"] for item in items}) == 14
     for item in items:
-        assert item["exposure"] == cameras.draw(item["camera_seed"]).thresholds_at_full_scale
+        camera = cameras.draw(item["camera_seed"]).resized(16, 16)
+        assert item["exposure"] == camera.thresholds_at_full_scale
+        row, col = item["row"], item["col"]
+        light = clips[item["index"]][:, row : row + 16, col : col + 16]
+        arguments = {"seed": 3, "sequence": item["sequence"], "camera_seed": item["camera_seed"]}
+        np.testing.assert_array_equal(item["spikes"], sl.Simulator(camera, **arguments).push_bits(light, 5))
     few = sl.ClipSampler(clips, cameras, 5, seed=3, cameras=3)
     assert len({few.item(i, e)["camera_seed"] for i in range(7) for e in range(4)}) == 3
 

@@ -46,10 +46,11 @@ class ClipSampler:
     light adds per readout), ``index``, ``camera_seed``, ``sequence``, ``row`` and ``col`` of the crop.
 
     ``clips`` is a sequence of (N, H, W) arrays of uint8, uint16 or float32: an array (B, N, H, W), a list, or any object
-    with ``len`` and indexing. ``camera`` is a Camera for all, or a CameraDistribution, of which every item of every epoch
-    draws its own; ``cameras=K`` limits that to K different ones, planned once each. ``crop=(h, w)`` cuts a random
-    rectangle out of each clip, as the window of that place of the camera, which is thus as large as the clips. ``readouts``
-    is T (all by default), ``targets`` the readouts of ``light`` (the middle one by default).
+    with ``len`` and indexing. ``crop=(h, w)`` cuts a random rectangle out of each clip. ``camera`` is a Camera for all, as
+    large as the clips, of which a crop is the window of that place; or a CameraDistribution, of which every item of every
+    epoch draws its own, as large as the crop. ``cameras=K`` limits that to K different ones (or makes K of one Camera), as
+    large as the clips; the last 64 keep their plans, and an item of another waits for a plan of the whole camera, some 15 ms for
+    160 x 256 pixels. ``readouts`` is T (all by default), ``targets`` the readouts of ``light`` (the middle one by default).
 
     Everything random follows from (``seed``, ``epoch``, ``index``): workers, their number and how they start change
     nothing. It needs no torch; ``spikelane.torch.SpikeClips`` is the same for its loaders.
@@ -94,12 +95,14 @@ class ClipSampler:
         return len(self.clips)
 
     def _camera(self, epoch: int, index: int, shape: tuple[int, int]) -> tuple[_native.Camera, int]:
-        """The item's camera, as large as its clip, and the seed of its fixed pattern."""
+        """The item's camera, as large as its clip or as its crop, and the seed of its fixed pattern."""
         drawn = _hash(self.seed, 0xCA3E2A, epoch, index)
         if self.cameras is not None:
             drawn = _hash(self.seed, 0xCA3E2B, drawn % self.cameras)
         if isinstance(self.camera, _native.CameraDistribution):
-            return self.camera.draw(drawn).resized(*shape), drawn
+            camera = self.camera.draw(drawn)
+            # No other item sees a camera of its own, so it needs no pixels beyond the crop.
+            return camera.resized(*(self.crop if self.crop and self.cameras is None else shape)), drawn
         # One camera keeps its fixed pattern, unless several of its kind are asked for.
         camera_seed = drawn if self.cameras is not None else _hash(self.seed, 0xCA3E2C)
         if self.camera.shape != shape:
@@ -165,7 +168,7 @@ class ClipSampler:
             sequences=[sequence],
             seed=self.seed,
             camera_seed=camera_seed,
-            windows=None if self.crop is None else [(row, col)],
+            windows=[(row, col)] if self.crop is not None and camera.shape != self.crop else None,
             insertion=self.insertion,
             readouts=self.readouts,
             bits=self.bits,
