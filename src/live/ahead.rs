@@ -4,22 +4,29 @@ use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
 
 use crate::error::Result;
 use crate::formats::Codec;
+use crate::live::clock::Clock;
 use crate::live::deliver::{Burst, Bursts, PIECE};
 use crate::live::pace::Pace;
 use crate::live::sink::Stop;
 use crate::simulate::Readouts;
 
-/// Readouts that are simulated together, at most: what the kernels take in one go.
-const STEP: usize = 128;
+/// Readouts that are simulated together where little is missing. Threads that share a core change places between steps, so
+/// a delivery may wait this long there: 1.2 ms of a 20 kHz camera, in about half of that time.
+const STEP: usize = 24;
+
+/// The same where a quarter of what should be ahead is missing.
+const LONGER: usize = 48;
+
+/// The same where three quarters are missing: what the kernels take in one go.
+const CATCHING_UP: usize = 128;
 
 /// Simulates and sends bursts.
 pub(super) struct Ahead<'r, 's> {
     source: &'r mut Readouts<'s>,
     codec: &'r Codec,
-    burst: usize,
-    /// Bursts that may be under way, and how many of them are made in one step.
+    pace: Pace,
+    /// Bursts that should be under way.
     room: usize,
-    step: usize,
     bursts: Bursts,
     under_way: usize,
     spare: Vec<Burst>,
@@ -33,13 +40,11 @@ pub(super) struct Ahead<'r, 's> {
 
 impl<'r, 's> Ahead<'r, 's> {
     pub(super) fn new(source: &'r mut Readouts<'s>, codec: &'r Codec, pace: Pace, bursts: Bursts) -> Self {
-        let room = (pace.ahead / pace.burst).max(1);
         Self {
             source,
             codec,
-            burst: pace.burst,
-            room,
-            step: (STEP / pace.burst).clamp(1, room),
+            pace,
+            room: (pace.ahead / pace.burst).max(1),
             bursts,
             under_way: 0,
             spare: Vec::new(),
@@ -53,19 +58,28 @@ impl<'r, 's> Ahead<'r, 's> {
 
     /// Simulates all that there is room for.
     pub(super) fn fill(&mut self, stop: &Stop) -> Result<()> {
-        while !self.over && self.under_way + self.step <= self.room {
+        while self.wants_more() {
             self.simulate(stop)?;
         }
         Ok(())
     }
 
     /// Simulates until the source ends or nobody delivers any more; `watch` hears how many readouts have passed.
-    pub(super) fn run(mut self, stop: &Stop, watch: &mut dyn FnMut(u64) -> Result<()>) -> Result<()> {
-        while self.take_back() {
+    pub(super) fn run(
+        mut self,
+        clock: &dyn Clock,
+        stop: &Stop,
+        watch: &mut dyn FnMut(u64) -> Result<()>,
+    ) -> Result<()> {
+        while !self.over && self.take_back() {
             watch(self.passed)?;
-            self.fill(stop)?;
-            if self.over {
-                break;
+            if !self.wants_more() {
+                continue;
+            }
+            self.simulate(stop)?;
+            // On a core of its own the other thread has delivered already.
+            if clock.now() >= self.pace.moment(self.passed + self.pace.burst as u64) {
+                std::thread::yield_now();
             }
         }
         // Without its end of the way, the other side stops when it has delivered what is under way.
@@ -77,12 +91,19 @@ impl<'r, 's> Ahead<'r, 's> {
         Ok(())
     }
 
-    /// Waits until a burst has come back and takes all that have; `false` when none will any more.
+    fn wants_more(&self) -> bool {
+        !self.over && self.under_way < self.room
+    }
+
+    /// Takes all bursts that have come back, and waits for one where there is no room for more; `false` when none will come
+    /// any more.
     fn take_back(&mut self) -> bool {
-        match self.bursts.receive.recv_timeout(PIECE) {
-            Ok(burst) => self.keep(burst),
-            Err(RecvTimeoutError::Timeout) => return true,
-            Err(RecvTimeoutError::Disconnected) => return false,
+        if !self.wants_more() {
+            match self.bursts.receive.recv_timeout(PIECE) {
+                Ok(burst) => self.keep(burst),
+                Err(RecvTimeoutError::Timeout) => return true,
+                Err(RecvTimeoutError::Disconnected) => return false,
+            }
         }
         loop {
             match self.bursts.receive.try_recv() {
@@ -101,8 +122,14 @@ impl<'r, 's> Ahead<'r, 's> {
 
     /// Simulates the next bursts.
     fn simulate(&mut self, stop: &Stop) -> Result<()> {
+        let readouts = match 4 * self.under_way / self.room {
+            0 => CATCHING_UP,
+            1 | 2 => LONGER,
+            _ => STEP,
+        };
+        let bursts = (readouts / self.pace.burst).max(1);
         let Self { packed, kept, .. } = self;
-        let passed = match self.source.fill(self.step * self.burst, packed, kept) {
+        let passed = match self.source.fill(bursts * self.pace.burst, packed, kept) {
             Ok(passed) => passed,
             // Light that stopped because it was asked to has simply ended.
             Err(_) if stop.is_raised() => 0,
@@ -112,7 +139,7 @@ impl<'r, 's> Ahead<'r, 's> {
         let (mut at, mut from) = (0, self.made);
         let until = self.made + passed as u64;
         while from < until {
-            let to = (from + self.burst as u64).min(until);
+            let to = (from + self.pace.burst as u64).min(until);
             let end = at + self.kept[at..].partition_point(|&readout| readout < to);
             self.send(at..end, to)?;
             (at, from) = (end, to);

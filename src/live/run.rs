@@ -18,7 +18,7 @@ use crate::simulate::Readouts;
 /// # Errors
 /// [`Kind::Usage`] for a pace that is none; otherwise those of the source, the sink and `watch`, and of a system that
 /// gives no thread.
-pub fn run<C: Clock + Send>(
+pub fn run<C: Clock + Clone + Send>(
     source: &mut Readouts<'_>,
     codec: &Codec,
     pace: Pace,
@@ -37,11 +37,11 @@ pub fn run<C: Clock + Send>(
     ahead.fill(stop)?;
     let clock = clock();
     std::thread::scope(|scope| {
-        let mut deliverer = Deliverer::new(pace, sink, clock, stop, back);
+        let mut deliverer = Deliverer::new(pace, sink, clock.clone(), stop, back);
         let thread = std::thread::Builder::new().name("deliver".into());
         let thread = thread.spawn_scoped(scope, move || deliverer.run());
         let thread = thread.map_err(|e| Error::io("a thread to deliver readouts", e))?;
-        let made = ahead.run(stop, watch);
+        let made = ahead.run(&clock, stop, watch);
         let delivered = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         made.and(delivered)
     })
