@@ -42,7 +42,6 @@ const UNSAFE: &[&str] = &[
     "kernels/isa/avx512_counts.rs",
     "kernels/isa/proven.rs",
     "kernels/isa/sse41.rs",
-    "live/turns.rs",
     "storage/",
 ];
 

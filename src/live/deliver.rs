@@ -7,7 +7,6 @@ use crate::error::Result;
 use crate::live::clock::Clock;
 use crate::live::pace::{Pace, Report};
 use crate::live::sink::{Delivery, Sink, Stop};
-use crate::live::turns;
 
 /// A wait is cut into pieces of this length, between which a request to stop is heard.
 pub(super) const PIECE: Duration = Duration::from_millis(50);
@@ -42,39 +41,39 @@ pub(super) struct Deliverer<'s, C> {
     sink: &'s mut dyn Sink,
     clock: C,
     stop: &'s Stop,
-    bursts: Option<Bursts>,
+    bursts: Bursts,
     report: Report,
 }
 
 impl<'s, C: Clock> Deliverer<'s, C> {
     pub(super) fn new(pace: Pace, sink: &'s mut dyn Sink, clock: C, stop: &'s Stop, bursts: Bursts) -> Self {
-        Self { pace, sink, clock, stop, bursts: Some(bursts), report: Report::default() }
+        Self { pace, sink, clock, stop, bursts, report: Report::default() }
     }
 
     /// Delivers until no burst comes, the consumer leaves or a stop is requested.
-    pub(super) fn run(&mut self) -> Result<Report> {
-        // Dropped at the end, whatever it is: who simulates hears that nobody delivers any more.
-        let Some(bursts) = self.bursts.take() else { return Ok(Report::default()) };
-        turns::shorten();
-        while let Some(burst) = self.next(&bursts) {
+    pub(super) fn run(mut self) -> Result<Report> {
+        while let Some(burst) = self.next() {
             if !self.hand_over(&burst)? {
                 break;
             }
             // Who simulates may have ended.
-            let _ = bursts.send.send(burst);
+            let _ = self.bursts.send.send(burst);
         }
-        self.report.left &= !self.stop.is_raised();
-        self.sink.finish()?;
-        Ok(std::mem::take(&mut self.report))
+        let Self { sink, stop, bursts, mut report, .. } = self;
+        // Who simulates hears that nobody delivers any more, before the sink waits for its consumer.
+        drop(bursts);
+        report.left &= !stop.is_raised();
+        sink.finish()?;
+        Ok(report)
     }
 
     /// The next burst, at the moment when it is due or, where it was made too late, as soon as it is there.
-    fn next(&mut self, bursts: &Bursts) -> Option<Burst> {
+    fn next(&mut self) -> Option<Burst> {
         let burst = loop {
             if self.stop.is_raised() {
                 return None;
             }
-            match bursts.receive.recv_timeout(PIECE) {
+            match self.bursts.receive.recv_timeout(PIECE) {
                 Ok(burst) => break burst,
                 Err(RecvTimeoutError::Timeout) => (),
                 Err(RecvTimeoutError::Disconnected) => return None,

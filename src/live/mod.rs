@@ -14,7 +14,6 @@ mod run;
 mod sink;
 #[cfg(test)]
 mod tests;
-mod turns;
 
 pub use clock::{Clock, SystemClock};
 pub use lateness::Lateness;

@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 
 use crate::error::{Error, Kind, Result};
 use crate::live::sink::{Delivery, Policy, Sink, Stop, wait};
-use crate::live::turns;
 
 /// How long the end waits for a consumer that takes nothing once the user has asked to stop.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -63,7 +62,6 @@ fn write(
     full: &Receiver<Vec<u8>>,
     back: &std::sync::mpsc::Sender<Vec<u8>>,
 ) -> std::io::Result<()> {
-    turns::shorten();
     for burst in full {
         into.write_all(&burst)?;
         // Nobody waits for it at the end.

@@ -12,7 +12,7 @@ use crate::simulate::Readouts;
 /// Hands the readouts of `source`, encoded by `codec`, to `sink` at the pace of a camera whose first readout starts
 /// when the first are ready, until the source ends, the consumer leaves, or `stop` is raised.
 ///
-/// A thread of its own delivers, so that no delivery waits for what is being simulated. `clock` starts when the first
+/// A thread of its own delivers, so that no delivery waits for what is being simulated while a core is free. `clock` starts when the first
 /// readouts are ready; `watch` hears, on the calling thread, how many readouts have passed.
 ///
 /// # Errors
@@ -37,7 +37,7 @@ pub fn run<C: Clock + Clone + Send>(
     ahead.fill(stop)?;
     let clock = clock();
     std::thread::scope(|scope| {
-        let mut deliverer = Deliverer::new(pace, sink, clock.clone(), stop, back);
+        let deliverer = Deliverer::new(pace, sink, clock.clone(), stop, back);
         let thread = std::thread::Builder::new().name("deliver".into());
         let thread = thread.spawn_scoped(scope, move || deliverer.run());
         let thread = thread.map_err(|e| Error::io("a thread to deliver readouts", e))?;

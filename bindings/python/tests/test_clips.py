@@ -81,6 +81,8 @@ def test_a_distribution_gives_each_clip_a_camera_of_its_own(clips):
         light = clips[item["index"]][:, row : row + 16, col : col + 16]
         arguments = {"seed": 3, "sequence": item["sequence"], "camera_seed": item["camera_seed"]}
         np.testing.assert_array_equal(item["spikes"], sl.Simulator(camera, **arguments).push_bits(light, 5))
+    listed = sl.ClipSampler(clips, cameras, 5, crop=[16, 16], seed=3)
+    assert digest(listed.item(6, 1)) == digest(items[-1])
     few = sl.ClipSampler(clips, cameras, 5, seed=3, cameras=3)
     assert len({few.item(i, e)["camera_seed"] for i in range(7) for e in range(4)}) == 3
 

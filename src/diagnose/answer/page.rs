@@ -153,9 +153,10 @@ fn gap(d: &Diagnosis) -> Result<Vec<Part>> {
     const MEASURE: &str =
         "the squared distance of the statistics to the model, with what calibration fits taken out";
     let Gap { train, heldout, floor, floor_sd } = &d.gap;
+    let held_out = d.gap.is_held_out();
     // One bar beside no other says no more than its number.
     if let ([fitted], [judging]) = (train.as_slice(), heldout.as_slice()) {
-        let values = if d.gap.is_held_out() {
+        let values = if held_out {
             format!("{fitted:.0} for the fitted recordings and {judging:.0} for the held-out ones")
         } else {
             format!("{fitted:.0}")
@@ -164,13 +165,13 @@ fn gap(d: &Diagnosis) -> Result<Vec<Part>> {
             "Nothing was added. The gap, {MEASURE}, is {values}; the model's own sensors have {floor:.0}, with a deviation of {floor_sd:.0}."
         ))]);
     }
-    let (sets, whose): (&[&str], _) = if d.gap.is_held_out() {
+    let (sets, whose): (&[&str], _) = if held_out {
         (&["fitted recordings", "held-out recordings"], "of the held-out recordings")
     } else {
         (&["recordings"], "of these recordings")
     };
     let row = |(name, (a, b)): (&String, (&f64, &f64))| {
-        let values = if d.gap.is_held_out() { vec![*a, *b] } else { vec![*a] };
+        let values = if held_out { vec![*a, *b] } else { vec![*a] };
         let said: Vec<String> = values.iter().map(|v| format!("{v:.0}")).collect();
         Row { name: format!("{name}: {}", said.join(", ")), values }
     };

@@ -49,9 +49,8 @@ class ClipSampler:
     with ``len`` and indexing. ``crop=(h, w)`` cuts a random rectangle out of each clip. ``camera`` is a Camera for all, as
     large as the clips, of which a crop is the window of that place; or a CameraDistribution, of which every item of every
     epoch draws its own, as large as the crop. ``cameras=K`` limits that to K different ones (or makes K of one Camera), as
-    large as the clips; the last 64 keep their plans, and an item of another waits for a plan of the whole camera, some
-    15 ms for 160 x 256 pixels. ``readouts`` is T (all by default), ``targets`` the readouts of ``light`` (the middle one
-    by default).
+    large as the clips; the last 64 keep their plans, and an item of another waits for a plan of the whole camera.
+    ``readouts`` is T (all by default), ``targets`` the readouts of ``light`` (the middle one by default).
 
     Everything random follows from (``seed``, ``epoch``, ``index``): workers, their number and how they start change
     nothing. It needs no torch; ``spikelane.torch.SpikeClips`` is the same for its loaders.
@@ -82,7 +81,7 @@ class ClipSampler:
         self.clips = clips
         self.camera = camera
         self.readouts_per_frame = readouts_per_frame
-        self.crop = crop
+        self.crop = None if crop is None else (crop[0], crop[1])
         self.seed = seed
         self.insertion = insertion
         self.readouts = readouts
