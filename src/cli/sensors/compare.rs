@@ -201,8 +201,9 @@ fn windows(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<F
     );
     let mut row = |r: &RealismRow| {
         let tell = r.tells.first().map_or("", |t| t.name.as_str());
+        let open = if r.is_decided() { "" } else { "; not decided with this much data" };
         text += &format!(
-            "{:<14} told {:.3} ({:.2} to {:.2}), floor {:.3}; most by {tell}\n",
+            "{:<14} told {:.3} ({:.2} to {:.2}), floor {:.3}; most by {tell}{open}\n",
             r.name, r.auc.value, r.auc.low, r.auc.high, r.floor.value
         );
         json!({"name": r.name, "auc": r.auc, "floor": r.floor, "decided": r.is_decided(), "tell": tell})
