@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::npy::{self, Element};
 use crate::storage::Writer;
 use crate::{Geometry, Result};
 
@@ -13,26 +14,14 @@ pub(crate) struct Npy(Writer);
 impl Npy {
     /// An array of so many pictures; a plain picture without a number.
     pub(crate) fn new(path: &Path, force: bool, geometry: Geometry, pictures: Option<usize>) -> Result<Self> {
-        let (h, w) = (geometry.height(), geometry.width());
-        let shape = pictures.map_or_else(|| format!("({h}, {w})"), |n| format!("({n}, {h}, {w})"));
-        let header = header(&shape);
+        let sides = [geometry.height(), geometry.width()];
+        let shape: Vec<u64> = pictures.into_iter().chain(sides).map(|n| n as u64).collect();
+        let header = npy::header(Element::F32, &shape);
         let bytes = header.len() + 4 * pictures.unwrap_or(1) * geometry.pixels();
         let mut writer = Writer::create(path, bytes as u64, force)?;
         writer.write_all(&header)?;
         Ok(Self(writer))
     }
-}
-
-/// Version 1.0 of the format: magic, length, a Python literal, padded to a multiple of 64 bytes.
-fn header(shape: &str) -> Vec<u8> {
-    let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}");
-    let padded = (10 + text.len() + 1).next_multiple_of(64) - 10;
-    text.push_str(&" ".repeat(padded - 1 - text.len()));
-    text.push('\n');
-    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-    bytes.extend((text.len() as u16).to_le_bytes());
-    bytes.extend(text.as_bytes());
-    bytes
 }
 
 impl Sink for Npy {
