@@ -4,7 +4,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 for features in "" presets files files,threads; do
     echo "features: ${features:-none}"
-    cargo clippy -q --lib --no-default-features --features "$features" -- -D warnings
+    cargo rustc -q --lib --profile check --no-default-features --features "$features" -- -D warnings
 done
 echo "features: cli, the program without exr and snee"
 cargo clippy -q --bin spikelane --no-default-features --features cli -- -D warnings

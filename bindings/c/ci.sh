@@ -9,8 +9,8 @@ say() { echo "bindings/c: $*"; }
 cc=${CC:-cc}
 command -v "$cc" >/dev/null || { say "skipped: no C compiler ($cc)"; exit 0; }
 
-# With a bench beside it, and so with what tests need, the library shares every crate with `cargo test --workspace`.
-PYO3_BUILD_EXTENSION_MODULE=1 cargo build -q --workspace --lib --bin spikelane --bench plan
+# With a bench and a test beside it the library shares every crate with `cargo test --workspace`, as the Python module does.
+PYO3_BUILD_EXTENSION_MODULE=1 cargo build -q --workspace --lib --bin spikelane --bench plan --test header
 out=target/c
 rm -rf "$out"
 mkdir -p "$out"

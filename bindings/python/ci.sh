@@ -24,9 +24,10 @@ done
 "$venv/bin/python" -c 'import torch' 2>/dev/null ||
     echo "bindings/python: without torch: apt-get install python3-torch; its tests are skipped"
 
-# Not by maturin, which would compile most crates a second time: with a bench beside it, and so with what tests need, the
-# module shares every crate with `cargo test --workspace`. Its users' wheel is `pip install .`.
-PYO3_BUILD_EXTENSION_MODULE=1 cargo build -q --workspace --lib --bin spikelane --bench plan
+# Not by maturin, which would compile most crates a second time: with a bench beside it, and so with what tests need, and
+# with the one test that reads Rust, the module shares every crate with `cargo test --workspace`: macros that are a program's
+# crates too are compiled in another way. Its users' wheel is `pip install .`.
+PYO3_BUILD_EXTENSION_MODULE=1 cargo build -q --workspace --lib --bin spikelane --bench plan --test header
 package=bindings/python/python
 case "$(uname)" in
 Darwin) cp target/debug/lib_native.dylib "$package/spikelane/_native.abi3.so" ;;
