@@ -96,45 +96,50 @@ fn ground_truth_of_a_clip_is_the_light_of_readout_half_of_all() {
 #[test]
 fn ground_truth_of_a_scene_is_drawn_for_its_readout_whatever_the_spacing_of_images() {
     let dir = tempfile::tempdir().unwrap();
-    for (images, each) in [(8, 1), (4, 50), (257, 1), (5, 80)] {
-        let readouts = images * each;
-        let drives = Drives::rhdd()
-            .with_sequences(1)
-            .with_images(images)
-            .with_readouts_per_image(each)
-            .with_label_every(0)
-            .with_lighting(vec![Lighting::Overcast])
-            .with_npy(true);
-        let mut all =
-            options(&dir.path().join(readouts.to_string()), Work::Drives(drives), Structure::SpikeCv);
-        all.camera.sensor.readout_hz = 200.0;
-        let made = make(&all);
-        let about = Record::read(&made).unwrap().about;
-        assert_eq!((&about["clear_readout"], &about["too_fast"]), (&(readouts / 2).into(), &true.into()));
-        let scene = Scene::random(
-            about["scene_seed"].as_u64().unwrap(),
-            &SceneOptions::default()
-                .with_width(WIDTH as u32)
-                .with_height(HEIGHT as u32)
-                .with_lighting(Some(Lighting::Overcast))
-                .with_duration_s((f64::from(readouts) / 200.0).max(2e-3)),
-        )
-        .unwrap();
-        let drive =
-            Drive::new(scene, all.rate().unwrap(), readouts.into(), None, SamplesPerPixel::Sixteen, 1)
-                .unwrap();
-        let error = |readout: u32| -> f32 {
-            let light = drive.light(readout.into()).unwrap().to_f32();
-            let found = codes(&made.join("gt.png"));
-            let each = light.iter().zip(&found).map(|(l, &c)| (l.min(1.0) - f32::from(c) / 255.0).abs());
-            each.sum::<f32>() / light.len() as f32
-        };
-        let right = error(readouts / 2);
-        assert!(right < 0.002, "{readouts}: {right}");
-        if readouts > 8 {
-            let beside = error(readouts / 2 - readouts / 8);
-            assert!(beside > 2.0 * right, "{readouts}: {beside} away, {right} there");
+    std::thread::scope(|scope| {
+        for (images, each) in [(8, 1), (4, 50), (257, 1), (5, 80)] {
+            let dir = &dir;
+            scope.spawn(move || drawn_for_its_readout(dir.path(), images, each));
         }
+    });
+}
+
+fn drawn_for_its_readout(dir: &Path, images: u32, each: u32) {
+    let readouts = images * each;
+    let drives = Drives::rhdd()
+        .with_sequences(1)
+        .with_images(images)
+        .with_readouts_per_image(each)
+        .with_label_every(0)
+        .with_lighting(vec![Lighting::Overcast])
+        .with_npy(true);
+    let mut all = options(&dir.join(readouts.to_string()), Work::Drives(drives), Structure::SpikeCv);
+    all.camera.sensor.readout_hz = 200.0;
+    let made = make(&all);
+    let about = Record::read(&made).unwrap().about;
+    assert_eq!((&about["clear_readout"], &about["too_fast"]), (&(readouts / 2).into(), &true.into()));
+    let scene = Scene::random(
+        about["scene_seed"].as_u64().unwrap(),
+        &SceneOptions::default()
+            .with_width(WIDTH as u32)
+            .with_height(HEIGHT as u32)
+            .with_lighting(Some(Lighting::Overcast))
+            .with_duration_s((f64::from(readouts) / 200.0).max(2e-3)),
+    )
+    .unwrap();
+    let drive =
+        Drive::new(scene, all.rate().unwrap(), readouts.into(), None, SamplesPerPixel::Sixteen, 1).unwrap();
+    let error = |readout: u32| -> f32 {
+        let light = drive.light(readout.into()).unwrap().to_f32();
+        let found = codes(&made.join("gt.png"));
+        let each = light.iter().zip(&found).map(|(l, &c)| (l.min(1.0) - f32::from(c) / 255.0).abs());
+        each.sum::<f32>() / light.len() as f32
+    };
+    let right = error(readouts / 2);
+    assert!(right < 0.002, "{readouts}: {right}");
+    if readouts > 8 {
+        let beside = error(readouts / 2 - readouts / 8);
+        assert!(beside > 2.0 * right, "{readouts}: {beside} away, {right} there");
     }
 }
 
