@@ -2,73 +2,18 @@
 
 use std::time::Duration;
 
-use crate::effects::find;
 use crate::kernels::{self, Batch, Job, Light, Samples, Segment};
 use crate::simulate::FrameRef;
 use crate::spikes::count;
-use crate::{Backend, Camera, Plan, Result, Seeds, Sensor, Simulator};
+use crate::{Backend, Plan, Result, Seeds, Simulator};
 
+use super::cameras::{Noise, frames};
 use super::report::Row;
 use super::timing::rate;
 
 /// Readouts of a batch, and pixels of a tile, as the simulator has them.
 const BATCH: usize = 128;
 const TILE: usize = 4096;
-
-/// What a camera of the table has.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Noise {
-    Ideal,
-    Fixed,
-    Full,
-    FewElectrons,
-}
-
-impl Noise {
-    pub(crate) const ALL: [Self; 4] = [Self::Ideal, Self::Fixed, Self::Full, Self::FewElectrons];
-
-    pub(crate) const fn name(self) -> &'static str {
-        match self {
-            Self::Ideal => "ideal",
-            Self::Fixed => "fixed pattern",
-            Self::Full => "full noise",
-            Self::FewElectrons => "full, few electrons",
-        }
-    }
-
-    /// A camera of 400x250 pixels with these effects at their typical strengths.
-    pub(crate) fn camera(self) -> Result<Camera> {
-        let typical = |name: &str| find(name).map(|d| d.typical());
-        let mut camera = Camera::ideal(Sensor::new(400, 250, 40_000.0)?).with(typical("start_phase")?);
-        if self == Self::Ideal {
-            return Ok(camera);
-        }
-        for name in ["saturation_clamp", "prnu", "dark_current", "bias_voltage"] {
-            camera = camera.with(typical(name)?);
-        }
-        if self == Self::Fixed {
-            return Ok(camera);
-        }
-        let thermal = typical("thermal_noise")?.with_text("redraw", "every-readout")?;
-        camera = camera.with(typical("shot_noise")?).with(thermal);
-        if self == Self::FewElectrons {
-            let dark = typical("dark_current")?.with("mean", 0.1)?.with("sigma", 0.02)?;
-            camera = camera.with(typical("dark_shot_noise")?).with(dark);
-        }
-        Ok(camera)
-    }
-
-    fn level(self) -> usize {
-        if self == Self::FewElectrons { 0 } else { 60 }
-    }
-}
-
-/// Frames of 100,000 pixels that differ from pixel to pixel and from frame to frame.
-pub(crate) fn frames(noise: Noise, count: usize) -> Vec<Vec<u8>> {
-    let level = noise.level();
-    let spread = if level == 0 { 1 } else { 40 };
-    (0..count).map(|t| (0..100_000).map(|p| (level + (p * 7 + t * 13) % spread) as u8).collect()).collect()
-}
 
 /// How light comes.
 #[derive(Clone, Copy, PartialEq, Eq)]

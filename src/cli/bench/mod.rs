@@ -1,11 +1,13 @@
 //! `spikelane bench`: how fast this machine is, in about a minute.
 
+mod cameras;
 mod memory;
 mod processes;
 mod report;
 mod scalar;
 mod scene_error;
 mod scenes;
+mod short;
 mod stream;
 mod timing;
 
@@ -15,7 +17,8 @@ use std::time::Duration;
 use crate::{Backend, Error, Kind, Result};
 use clap::Args;
 
-use memory::{Lit, Noise, frames};
+use cameras::{Noise, frames};
+use memory::Lit;
 use report::{Fact, Machine, Report};
 
 /// Frames that together are larger than any cache: 100 MB and more.
@@ -33,11 +36,14 @@ pub(crate) struct BenchArgs {
     /// Where the files of the measurement are made (and removed)
     #[arg(long, default_value = ".", value_name = "DIRECTORY")]
     pub directory: PathBuf,
+    /// Another build of this program, whose whole processes run in turns with those of this one
+    #[arg(long, value_name = "PROGRAM", conflicts_with = "quick")]
+    pub beside: Option<PathBuf>,
     /// Write a page with the tables, keeping what stands behind its marker
     #[arg(long, value_name = "FILE")]
     pub markdown: Option<PathBuf>,
     /// Instead compare the light of driving scenes with true renders of the same instants; minutes, not timed
-    #[arg(long, conflicts_with_all = ["seconds", "quick", "directory"])]
+    #[arg(long, conflicts_with_all = ["seconds", "quick", "directory", "beside"])]
     pub scene_error: bool,
 }
 
@@ -86,11 +92,12 @@ fn scene_errors(args: &BenchArgs, json: bool) -> Result<()> {
 
 fn measure(args: &BenchArgs) -> Result<Report> {
     let seconds = if args.quick { args.seconds.min(6.0) } else { args.seconds };
-    // Some fifty cases share the time, beside what they need to be set up.
-    let budget = Duration::from_secs_f64(seconds / 70.0);
+    // Some ninety cases share the time, beside what they need to be set up.
+    let budget = Duration::from_secs_f64(seconds / 110.0);
     let mut report = Report { machine: Machine::here(), ..Report::default() };
     report.rows.push(memory::scalar(budget));
     kernels(budget, &mut report)?;
+    rarer(budget, &mut report)?;
     bandwidth(budget, &mut report)?;
     let all = std::thread::available_parallelism().map_or(1, usize::from);
     for threads in threads_up_to(all) {
@@ -103,11 +110,13 @@ fn measure(args: &BenchArgs) -> Result<Report> {
             break;
         }
     }
+    report.facts.extend(short::pushes(budget)?);
+    report.facts.extend(short::crops(budget)?);
     report.facts.extend(stream::downstream(&args.directory, readouts / 10, budget)?);
     report.scenes = scenes::measure(all, budget)?;
     report.stages = scenes::stages(budget)?;
     if !args.quick {
-        report.processes = processes::measure(&args.directory)?;
+        report.processes = processes::measure(&args.directory, args.beside.as_deref())?;
     }
     Ok(report)
 }
@@ -127,6 +136,14 @@ fn kernels(budget: Duration, report: &mut Report) -> Result<()> {
                 report.rows.push(memory::kernel(backend, noise, &light, lit, budget)?);
             }
         }
+    }
+    Ok(())
+}
+
+/// What is rare beside full noise, whole sensors at a time, since some of it couples neighbours.
+fn rarer(budget: Duration, report: &mut Report) -> Result<()> {
+    for noise in Noise::RARER {
+        report.rows.push(memory::simulator(noise, 1, budget)?);
     }
     Ok(())
 }

@@ -149,13 +149,28 @@ impl Report {
     }
 
     fn processes_text(&self) -> String {
-        let mut text =
-            "\n| whole process | processor time, s | wall, s | real time |\n|---|--:|--:|--:|\n".to_owned();
-        for p in &self.processes {
-            let processor = p.processor_s.map_or_else(|| "not known here".to_owned(), |s| format!("{s:.2}"));
-            let _ = writeln!(text, "| {} | {processor} | {:.2} | {:.4} |", p.what, p.wall_s, p.of_real_time);
+        if self.processes.is_empty() {
+            return String::new();
         }
-        if self.processes.is_empty() { String::new() } else { text }
+        let beside = self.processes.iter().any(|p| p.beside.is_some());
+        let seconds = |s: Option<f64>| s.map_or_else(|| "not known here".to_owned(), |s| format!("{s:.2}"));
+        let mut text =
+            "\n| whole process, 400x250 | processor time, s | wall, s | real time | GB/s |".to_owned();
+        text += if beside { " other build: processor time, s | wall, s | this one faster |\n" } else { "\n" };
+        text += if beside { "|---|--:|--:|--:|--:|--:|--:|--:|\n" } else { "|---|--:|--:|--:|--:|\n" };
+        for p in &self.processes {
+            let (processor, wall) = (seconds(p.took.processor_s), p.took.wall_s);
+            let _ = write!(text, "| {} | {processor} | {wall:.2} | {:.3} ", p.what, p.of_real_time());
+            let _ = write!(text, "| {:.3} |", p.gb_s());
+            if let Some(b) = p.beside {
+                let _ =
+                    write!(text, " {} | {:.2} | {:.2} |", seconds(b.processor_s), b.wall_s, b.wall_s / wall);
+            } else if beside {
+                text += " failed | | |";
+            }
+            text.push('\n');
+        }
+        text
     }
 
     pub(crate) fn json(&self) -> Value {

@@ -12,7 +12,7 @@ use crate::simulate::{FrameRef, Run, run};
 use crate::spikes::{Geometry, Packed};
 use crate::{Result, Seeds, Simulator};
 
-use super::memory::{Noise, frames};
+use super::cameras::{Noise, frames};
 use super::report::{Fact, Row};
 use super::timing::rate;
 
