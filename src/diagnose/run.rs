@@ -155,11 +155,15 @@ fn by_itself(
     progress("calibrating", 0.01);
     let base = BaseModel::of(&both, options.camera)?;
     let given = Given::of(&both, parts, held_out);
-    let (reference, found) = given.sets().searched(&base.camera, options, progress, first)?;
+    // The numbers of a camera file may be wrong; those of another camera stand for nothing.
+    // Maps are all spread: what the base cannot hold would bend it.
+    let moved = (options.camera.is_some() || base.is_guessed()) && !both.fitted.setup.maps;
+    let (reference, found) = given.sets().searched(&base.camera, moved, options, progress, first)?;
     let own = options.camera.map(|_| &base.camera);
     let mut diagnosis = given.said(&reference, found, own, progress)?;
     cautious(&mut diagnosis, &reference);
     restore(&mut diagnosis.camera, options.camera)?;
+    let base = if moved { base.fitted(&reference.model.camera)? } else { base };
     diagnosis.about = Some(about(Some(&base)));
     diagnosis.notes.extend(base.notes);
     Ok(diagnosis)
@@ -253,22 +257,21 @@ impl Sets<'_> {
         }
     }
 
-    /// From a camera that is given, or calibrated.
+    /// From a camera that is given, or calibrated; its numbers are `moved` first where nothing says that they are this sensor's.
     fn searched(
         &self,
         start: &Camera,
+        moved: bool,
         options: Options<'_>,
         progress: Progress<'_>,
         first: &mut dyn FnMut(&FirstLook),
     ) -> Result<(Reference, Found)> {
         let setup = self.taken.setup.clone();
-        let begun = match options.camera {
-            // Maps are all spread: what the base cannot hold would bend it.
-            Some(_) if !setup.maps => {
-                progress("own numbers", 0.02);
-                rebased(&setup, start, self.data, options.seed)?
-            }
-            _ => Begun::of(start.clone()),
+        let begun = if moved {
+            progress("own numbers", 0.02);
+            rebased(&setup, start, self.data, options.seed)?
+        } else {
+            Begun::of(start.clone())
         };
         let library = Catalogue::new();
         let effects = options.effects.unwrap_or(&library);

@@ -85,6 +85,7 @@ fn numbers(all: &[BaseNumber]) -> Table {
         let source = match n.source {
             NumberSource::Calibrated => "these recordings",
             NumberSource::Published => "the published model",
+            NumberSource::Fitted => "a fit that began at the published model",
             NumberSource::Camera => "the camera file",
         };
         // Both to two digits of the error.

@@ -30,6 +30,8 @@ pub enum NumberSource {
     Calibrated,
     /// That of the published model, as calibration did not tell it.
     Published,
+    /// Moved from the published one until the recordings are met best, as calibration did not tell it.
+    Fitted,
     /// That of the camera file.
     Camera,
 }
@@ -83,6 +85,22 @@ pub(in crate::diagnose) struct BaseModel {
 }
 
 impl BaseModel {
+    /// Whether a number is a guess that the recordings may contradict: that of another camera.
+    pub fn is_guessed(&self) -> bool {
+        self.numbers.iter().any(|n| n.source == NumberSource::Published)
+    }
+
+    /// With the numbers of `fitted` where they were guessed.
+    pub fn fitted(mut self, fitted: &Camera) -> Result<Self> {
+        for n in self.numbers.iter_mut().filter(|n| n.source == NumberSource::Published) {
+            let (effect, key) = n.parameter.split_once('.').unwrap_or((&n.parameter, ""));
+            if let Some(effect) = fitted.effect(effect) {
+                (n.value, n.source) = (effect.get(key)?, NumberSource::Fitted);
+            }
+        }
+        Ok(self)
+    }
+
     /// From the camera that is given, or from the published model with what calibration tells of the set.
     /// Where pixels began together it begins so, too.
     pub fn of(both: &Both, given: Option<&Camera>) -> Result<Self> {
@@ -110,7 +128,7 @@ impl BaseModel {
             Err(why) => {
                 let numbers = numbers(&camera, NumberSource::Published);
                 let note = format!(
-                    "No camera file was given, and the recordings could not be calibrated ({}): the published numbers of scsim-code were used instead. Give --camera for a camera that is unlike them.",
+                    "No camera file was given, and the recordings could not be calibrated ({}): the published numbers of scsim-code, moved until they met the recordings best, were used instead. Give --camera for a camera that is unlike them.",
                     why.to_string().trim_end_matches('.')
                 );
                 Ok(Self { camera, numbers, lamps, notes: vec![note] })
@@ -173,7 +191,7 @@ impl BaseModel {
         ));
         if !untold.is_empty() {
             self.notes.push(format!(
-                "Calibration did not tell {}: the published numbers were used.",
+                "Calibration did not tell {}: the published numbers were moved until they met the recordings best.",
                 untold.join(", ")
             ));
         }

@@ -23,6 +23,13 @@ const SMOOTH: f64 = 6.0;
 /// the response is no smooth curve.
 const SCATTER: [f64; 2] = [2.6, 15.0];
 
+/// Fewest lit levels of which one can be said to be off, and of which all can be said to scatter.
+const FEWEST: [usize; 2] = [4, 3];
+
+/// The same scatter with the one degree of freedom that three levels leave, and by how much it then may be too small: in a quarter of
+/// all cases one deviation shows less than a third of what it is drawn from.
+const BY_ONE: [f64; 2] = [3.3, 2.0];
+
 /// Rate above which a level tells nothing.
 const SATURATED: f64 = 0.985;
 
@@ -82,14 +89,19 @@ fn curves(points: usize) -> Vec<fn(f64) -> Vec<f64>> {
 fn said(points: &[[f64; 2]], own: usize) -> Said {
     let scale = Spread::of(&points.iter().map(|p| p[1]).collect::<Vec<_>>()).median();
     let points: Vec<[f64; 2]> = points.iter().map(|p| [p[0], (p[1] / scale - 1.0) / LAMP]).collect();
-    if own < 4 || !(scale.is_finite() && scale > 0.0) {
+    if own < FEWEST[1] || !(scale.is_finite() && scale > 0.0) {
         return Said::Nothing;
     }
     let all: Vec<usize> = (0..points.len()).collect();
     let whole = curves(points.len()).into_iter().filter_map(|c| Curve::of(&points, &all, c));
     let scatter = whole.map(|c| c.mean_square.sqrt()).fold(f64::INFINITY, f64::min);
-    if scatter < SCATTER[0] {
+    let few = points.len() < FEWEST[0];
+    if scatter < if few { BY_ONE[0] } else { SCATTER[0] } {
         return Said::Nothing;
+    }
+    if own < FEWEST[0] {
+        let more = if few { BY_ONE[1] } else { 1.0 };
+        return if scatter < SCATTER[1] { Said::Scatter(more * scatter) } else { Said::Nothing };
     }
     let order = |i: usize| (0..own).filter(|j| points[*j][0] < points[i][0]).count();
     let candidates = (0..own).filter_map(|i| {
@@ -199,5 +211,19 @@ mod tests {
         let points: Vec<[f64; 2]> = LIGHTS.iter().zip(lamps).map(|(x, e)| [*x, 1.0 + e]).collect();
         let Said::Scatter(times) = said(&points, 5) else { panic!() };
         assert!((4.0..12.0).contains(&times), "{times}");
+    }
+
+    #[test]
+    fn three_levels_tell_lamps_that_scatter_from_a_response_that_bends() {
+        let of = |added: [f64; 3]| {
+            let points: Vec<[f64; 2]> =
+                [0.1, 0.3, 0.7].iter().zip(added).map(|(x, e)| [*x, 1.0 + e]).collect();
+            said(&points, 3)
+        };
+        let Said::Scatter(times) = of([6e-3, -9e-3, 4e-3]) else { panic!() };
+        assert!((8.0..40.0).contains(&times), "{times}");
+        for bend in [[0.0; 3], [-2e-3, -6e-3, -14e-3], [-6e-3, -2e-3, -0.9e-3]] {
+            assert_eq!(of(bend), Said::Nothing, "{bend:?}");
+        }
     }
 }
