@@ -39,7 +39,7 @@ const PROCESSES: [(&str, &[&str], u64); 8] = [
         STREAM,
     ),
     ("measure", &["measure", "../stream.dat"], STREAM),
-    ("convert to rows416", &["convert", "../stream.dat", "--to", "rows416", "-o", "out.dat"], STREAM),
+    ("convert to rows416", &["convert", "../stream.dat", "out.dat", "--to", "rows416"], STREAM),
     (
         "reconstruct, a picture for each 100 readouts",
         &["reconstruct", "../stream.dat", "--window", "100", "--every", "100", "-o", "out.npy"],
