@@ -165,6 +165,7 @@ fn pixels_that_began_together_and_lock_to_the_readouts_are_told_on_four_levels()
 /// Calibration cannot tell noise and electrons from four levels. The published camera's stood for them, and sensors with a tenth of its
 /// electrons were said to show power of the totals and variance of intervals at 24 and 32 deviations.
 #[test]
+#[ignore = "a minute and a half: numbers that are guessed are moved step by step"]
 fn a_camera_with_few_electrons_agrees_on_four_levels_without_its_file() {
     let plain = Physics::default();
     let physics = Physics {
