@@ -3,8 +3,8 @@
     python bindings/python/peers.py [--spikecv FOLDER] [--scsim FOLDER] [--v2e FOLDER] [--markdown docs/why/performance.md]
 
 Peers are installed into target/peers: Spike-Zoo and visionsim by pip, SpikeCV, SCSim and v2e as checkouts, unless a folder is
-given. What cannot be had is skipped, and the table says why. Each runs on one thread, its light in memory or in PNG files as it
-asks for it. SPIKELANE names the program (default: the one of this package).
+given. What cannot be had is skipped, and the table says why. Each runs on one thread, its light in memory or in PNG files as
+it asks for it. SPIKELANE names the program (default: the one of this package).
 """
 
 from __future__ import annotations
@@ -201,7 +201,10 @@ def number(value: float) -> str:
 
 
 def table(found: list[tuple[str, str, float | str]]) -> str:
-    lines = ["| tool | noise | Mpixel-readouts/s | the call is faster | the process is faster |", "|---|---|--:|--:|--:|"]
+    lines = [
+        "| tool | noise | Mpixel-readouts/s | the call is faster | the process is faster |",
+        "|---|---|--:|--:|--:|",
+    ]
     call, process = (float(row[2]) for row in found[:2])
     for what, noise, value in found:
         if isinstance(value, str):
