@@ -48,6 +48,12 @@ def function(path: Path, name: str, **space: Any) -> Callable[..., Any]:
     return space[name]
 
 
+def put(page: Path, begin: str, end: str, text: str) -> None:
+    """Replaces what stands between two markers of a page."""
+    before, rest = page.read_text().split(begin)
+    page.write_text(f"{before}{begin}\n{text}\n{end}{rest.split(end)[1]}")
+
+
 class Table:
     def __init__(self) -> None:
         self.rows: list[tuple[str, str, str]] = []
@@ -225,9 +231,7 @@ def main() -> None:
     text = f"{where} Fastest of several runs each.\n\n{table.text()}"
     print(text)
     if arguments.markdown:
-        page = arguments.markdown.read_text()
-        before, rest = page.split(BEGIN)
-        arguments.markdown.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.split(END)[1]}")
+        put(arguments.markdown, BEGIN, END, text)
 
 
 if __name__ == "__main__":

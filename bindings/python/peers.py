@@ -27,7 +27,7 @@ from typing import Any
 os.environ.update({"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"})
 
 import numpy as np
-from bench import best, function
+from bench import best, function, put
 
 import spikelane as sl
 
@@ -226,9 +226,7 @@ def main() -> None:
     text = f"{versions}, one thread each, 400x250 with a new frame at every readout; the fastest of several runs.\n\n{text}"
     print(text)
     if arguments.markdown:
-        page = arguments.markdown.read_text()
-        before, rest = page.split(BEGIN)
-        arguments.markdown.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.split(END)[1]}")
+        put(arguments.markdown, BEGIN, END, text)
 
 
 if __name__ == "__main__":

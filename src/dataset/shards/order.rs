@@ -22,8 +22,7 @@ fn options(output: &Path) -> DatasetOptions {
     DatasetOptions::new(output.to_owned(), Work::Drives(work), camera).with_seed(1).with_scene_seed(2)
 }
 
-/// A folder in memory where there is such a place: what is asked is the order of steps, and a thousand syncs of a disk take a
-/// minute.
+/// A folder in memory where there is such a place: what is asked is the order of steps, and a disk's syncs took most of a minute.
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap()
 }

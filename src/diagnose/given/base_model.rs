@@ -92,11 +92,19 @@ impl BaseModel {
 
     /// With the numbers of `fitted` where they were guessed.
     pub fn fitted(mut self, fitted: &Camera) -> Result<Self> {
+        let mut moved = Vec::new();
         for n in self.numbers.iter_mut().filter(|n| n.source == NumberSource::Published) {
             let (effect, key) = n.parameter.split_once('.').unwrap_or((&n.parameter, ""));
             if let Some(effect) = fitted.effect(effect) {
                 (n.value, n.source) = (effect.get(key)?, NumberSource::Fitted);
+                moved.push(n.parameter.as_str());
             }
+        }
+        if !moved.is_empty() {
+            self.notes.push(format!(
+                "From there these numbers were moved until they met the recordings best: {}.",
+                moved.join(", ")
+            ));
         }
         Ok(self)
     }
@@ -128,7 +136,7 @@ impl BaseModel {
             Err(why) => {
                 let numbers = numbers(&camera, NumberSource::Published);
                 let note = format!(
-                    "No camera file was given, and the recordings could not be calibrated ({}): the published numbers of scsim-code, moved until they met the recordings best, were used instead. Give --camera for a camera that is unlike them.",
+                    "No camera file was given, and the recordings could not be calibrated ({}): the published numbers of scsim-code were used instead. Give --camera for a camera that is unlike them.",
                     why.to_string().trim_end_matches('.')
                 );
                 Ok(Self { camera, numbers, lamps, notes: vec![note] })
@@ -191,7 +199,7 @@ impl BaseModel {
         ));
         if !untold.is_empty() {
             self.notes.push(format!(
-                "Calibration did not tell {}: the published numbers were moved until they met the recordings best.",
+                "Calibration did not tell {}: the published numbers were used.",
                 untold.join(", ")
             ));
         }
@@ -272,4 +280,33 @@ fn usual_dark(c: &Calibration) -> (f64, f64) {
     let errors: Vec<f64> = c.fits.iter().map(|f| f.var_d).collect();
     let (spread, error) = (Spread::of(&d), Spread::of(&errors).median());
     (spread.median(), (spread.sd().powi(2) - error).max(0.0).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::presets;
+
+    #[test]
+    fn what_was_guessed_is_fitted_and_what_was_calibrated_stays() {
+        let camera = presets::builtin("scsim-code").unwrap();
+        let numbers = [
+            BaseNumber::of(&prnu::EFFECT, "mean", 1.5, Some(0.01), NumberSource::Calibrated),
+            BaseNumber::of(&shot_noise::EFFECT, "strength", 1.0, None, NumberSource::Published),
+        ];
+        let base = BaseModel {
+            camera: camera.clone(),
+            numbers: numbers.to_vec(),
+            lamps: Vec::new(),
+            notes: Vec::new(),
+        };
+        assert!(base.is_guessed());
+        let quanta = camera.effect(shot_noise::EFFECT.name).unwrap().clone();
+        let found = camera.with(quanta.with("strength", 9.0).unwrap());
+        let fitted = base.fitted(&found).unwrap();
+        assert!(!fitted.is_guessed());
+        let said: Vec<_> = fitted.numbers.iter().map(|n| (n.value, n.source)).collect();
+        assert_eq!(said, [(1.5, NumberSource::Calibrated), (9.0, NumberSource::Fitted)]);
+        assert!(fitted.notes[0].contains("shot_noise.strength") && !fitted.notes[0].contains("prnu"));
+    }
 }
