@@ -2,8 +2,8 @@
 //!
 //! `cargo run --release --example study-program -- RECORDS.jsonl [--nulls N] [--singles N] [--doubles N] [--outside N] [--minutes M]
 //! [--attempt K] [--table FILE]` adds sensors to RECORDS, one a line, and leaves those alone that are there. The simulator of the truth is
-//! that of the tests and imports nothing from the library. Seeds are functions of a sensor's name and of the attempt. Clean sensors come
-//! first, then single effects, doubles and what the catalogue does not hold. `--times [N]` prints how long clean, single and double
+//! that of the tests and imports nothing from the library. Seeds are functions of a sensor's name and of the attempt. Clean sensors, single
+//! effects, doubles and what the catalogue does not hold come side by side. `--times [N]` prints how long clean, single and double
 //! sensors of 96x64 pixels take instead, of the first N cases.
 
 mod factors;
@@ -49,11 +49,7 @@ fn main() {
         return times::print(cases.first().map_or(usize::MAX, |n| n.parse().expect("how many cases")));
     }
     let args = args();
-    let mut jobs = jobs(args.counts, &[]);
-    // A run that is cut short has the clean ones, which tell most.
-    jobs.sort_by_key(|job| {
-        ["null", "single", "double", "outside"].iter().position(|class| *class == job.class)
-    });
+    let jobs = side_by_side(jobs(args.counts, &[]));
     let known = known(&args.records);
     let open: Vec<&Job> = jobs.iter().filter(|j| !known.iter().any(|r| r["id"] == j.id().as_str())).collect();
     let seconds: f64 = open.iter().map(|j| SECONDS[usize::from(j.class != "null")]).sum();
@@ -82,6 +78,23 @@ fn main() {
         let text = made::by() + &table::table(&self::known(&args.records));
         std::fs::write(path, text).unwrap();
     }
+}
+
+/// A run that is cut short has the same part of every class.
+fn side_by_side(jobs: Vec<Job>) -> Vec<Job> {
+    let of = |class: &str| jobs.iter().filter(|j| j.class == class).count();
+    let counts: Vec<(&str, usize)> =
+        ["null", "single", "double", "outside"].map(|class| (class, of(class))).to_vec();
+    let mut taken: Vec<usize> = vec![0; counts.len()];
+    let place = |job: &Job| {
+        let class = counts.iter().position(|c| c.0 == job.class).unwrap();
+        taken[class] += 1;
+        (2 * taken[class] - 1) as f64 / (2 * counts[class].1) as f64
+    };
+    let places: Vec<f64> = jobs.iter().map(place).collect();
+    let mut placed: Vec<(f64, Job)> = places.into_iter().zip(jobs).collect();
+    placed.sort_by(|a, b| a.0.total_cmp(&b.0));
+    placed.into_iter().map(|(_, job)| job).collect()
 }
 
 fn args() -> Args {
