@@ -28,13 +28,18 @@ const START: usize = 64;
 /// # Errors
 /// As [`summarise`].
 pub fn list(statistics: &Statistics) -> Result<Vec<Named>> {
-    let mut all = of_rates(&summarise(statistics)?);
+    Ok(list_with(&summarise(statistics)?, statistics))
+}
+
+/// The same, of statistics that have been summarised.
+pub(super) fn list_with(summary: &Summary, statistics: &Statistics) -> Vec<Named> {
+    let mut all = of_rates(summary);
     all.extend(
         statistics.counts.iter().flat_map(|c| Pair::ALL.map(|pair| coincidence(pair, c.correlation(pair)))),
     );
     all.extend(statistics.intervals.iter().flat_map(of_intervals));
     all.extend(statistics.frames.iter().flat_map(of_frames));
-    Ok(all)
+    all
 }
 
 fn named(key: &str, words: &str, estimate: Estimate) -> Named {

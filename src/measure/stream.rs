@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::{Accumulator, MeasureOptions, Statistics};
 use crate::error::Result;
 use crate::formats::Reader;
-use crate::spikes::Packed;
+use crate::spikes::{Geometry, Packed};
 
 /// Readouts read at a time: two turns of an accumulator's counters, a quarter of what it buffers at most.
 const BATCH: usize = 496;
@@ -22,16 +22,7 @@ pub fn of_stream(
     tell: &mut dyn FnMut(usize),
 ) -> Result<Statistics> {
     let geometry = reader.geometry();
-    let bands = (2 * rayon::current_num_threads()).clamp(1, geometry.height());
-    let rows = |i: usize| i * geometry.height() / bands..(i + 1) * geometry.height() / bands;
-    let band = |i| {
-        Accumulator::new(geometry, &MeasureOptions { rows: Some(rows(i)), frames: false, ..options.clone() })
-    };
-    let mut accumulators = (0..bands).map(band).collect::<Result<Vec<_>>>()?;
-    if options.frames {
-        let whole = MeasureOptions { counts: false, intervals: false, rows: None, ..options.clone() };
-        accumulators.push(Accumulator::new(geometry, &whole)?);
-    }
+    let mut accumulators = bands(geometry, options)?;
     let mut buffer = vec![0; BATCH * geometry.frame_bytes()];
     let mut at = 0;
     while at < reader.readouts() {
@@ -44,5 +35,28 @@ pub fn of_stream(
         at += now;
         tell(at);
     }
-    Statistics::join(accumulators.into_iter().map(Accumulator::finish).collect())
+    joined(accumulators)
+}
+
+/// Accumulators of bands of rows, and one of whole readouts where these are asked for.
+pub(super) fn bands(geometry: Geometry, options: &MeasureOptions) -> Result<Vec<Accumulator>> {
+    let bands = (2 * rayon::current_num_threads()).clamp(1, geometry.height());
+    // Small sensors are not worth the threads' time.
+    let bands = bands.min((geometry.pixels() / 2048).max(1));
+    let rows = |i: usize| i * geometry.height() / bands..(i + 1) * geometry.height() / bands;
+    let band = |i| {
+        let rows = Some(rows(i));
+        Accumulator::new(geometry, &MeasureOptions { rows, frames: false, ..options.clone() })
+    };
+    let mut all = (0..bands).map(band).collect::<Result<Vec<_>>>()?;
+    if options.frames {
+        let whole = MeasureOptions { counts: false, intervals: false, rows: None, ..options.clone() };
+        all.push(Accumulator::new(geometry, &whole)?);
+    }
+    Ok(all)
+}
+
+/// The statistics of such bands. A block that is not full is still to be measured, so that bands end side by side as well.
+pub(super) fn joined(accumulators: Vec<Accumulator>) -> Result<Statistics> {
+    Statistics::join(accumulators.into_par_iter().map(Accumulator::finish).collect())
 }

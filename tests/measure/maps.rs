@@ -66,6 +66,66 @@ fn a_high_pass_keeps_white_noise_and_removes_gradients() {
     assert!((sd(&left) / (0.02 * 1.144) - 1.0).abs() < 0.03, "{}", sd(&left));
 }
 
+/// A map of `height` rows with a pixel in seven missing.
+fn with_gaps(width: usize, height: usize) -> Vec<f64> {
+    let mut random = Pcg64Mcg::seed_from_u64(width as u64);
+    let value = |p: usize, u: f64| if p % 7 == 3 { f64::NAN } else { 1.0 + u };
+    (0..width * height).map(|p| value(p, uniform(&mut random))).collect()
+}
+
+fn near(found: f64, expected: f64) -> bool {
+    found.is_nan() && expected.is_nan() || (found - expected).abs() < 1e-12
+}
+
+#[test]
+fn a_high_passed_pixel_is_its_value_less_the_mean_of_its_box() {
+    // Sums of 25 values of 1 to 2 in any order agree to 25 roundings of 2^-48; 1e-12 sees a wrong pixel by far.
+    for (width, height) in (1..9).flat_map(|w| (1..9).map(move |h| (w, h))) {
+        let map = with_gaps(width, height);
+        for (p, found) in high_pass(&map, width).into_iter().enumerate() {
+            let (row, column) = (p / width, p % width);
+            let within = |q: &usize| row.abs_diff(q / width) <= 2 && column.abs_diff(q % width) <= 2;
+            let near_by: Vec<f64> =
+                (0..map.len()).filter(within).map(|q| map[q]).filter(|x| x.is_finite()).collect();
+            let n = near_by.len() as f64;
+            let expected = (map[p] - near_by.iter().sum::<f64>() / n) * (n / (n - 1.0)).sqrt();
+            let expected = if n < 2.0 { f64::NAN } else { expected };
+            assert!(near(found, expected), "{width}x{height}, pixel {p}: {found}, {expected}");
+        }
+    }
+}
+
+#[test]
+fn lines_and_correlations_leave_missing_pixels_out() {
+    for (width, height) in [(9, 8), (4, 11), (23, 2)] {
+        let map = with_gaps(width, height);
+        let mean = |pixels: &mut dyn Iterator<Item = usize>| Estimate::mean(pixels.map(|p| map[p])).value;
+        let lines = line_structure(&map, width);
+        for (r, found) in lines.rows.iter().enumerate() {
+            assert!(near(*found, mean(&mut (r * width..(r + 1) * width))), "row {r}");
+        }
+        for (c, found) in lines.columns.iter().enumerate() {
+            assert!(near(*found, mean(&mut (c..map.len()).step_by(width))), "column {c}");
+        }
+        let all = Estimate::mean(map.iter().copied());
+        let variance = all.error * all.error * all.samples as f64;
+        let rho = map_correlations(&map, width);
+        let shifts = [(0, 1), (1, 0), (1, 1), (1, -1)];
+        for (found, (down, right)) in
+            [rho.right, rho.lower, rho.diagonal, rho.antidiagonal].into_iter().zip(shifts)
+        {
+            let product = |p: usize| {
+                let column = (p % width).checked_add_signed(right).filter(|c| *c < width)?;
+                let other = map.get((p / width + down) * width + column)?;
+                Some((map[p] - all.value) * (other - all.value)).filter(|x| x.is_finite())
+            };
+            let expected = Estimate::mean((0..map.len()).filter_map(product));
+            assert_eq!(found.samples, expected.samples);
+            assert!(near(found.value, expected.value / variance), "{down}, {right}: {found:?}");
+        }
+    }
+}
+
 #[test]
 fn row_and_column_patterns_are_measured_apart() {
     // Columns alternate by +-1 %: after the high-pass along the line (box of 5, scaled),

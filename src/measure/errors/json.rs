@@ -26,9 +26,10 @@ impl Recording {
     /// # Errors
     /// As [`summarise`], and where the spectrum of the totals cannot be told.
     pub fn said(&self) -> Result<Said> {
+        let summary = summarise(&self.statistics)?;
         Ok(Said {
-            summary: summarise(&self.statistics)?,
-            told: self.told()?,
+            told: self.told_with(&summary),
+            summary,
             motion: self.motion(),
             lines: frame_total_lines(&self.statistics)?,
         })

@@ -15,7 +15,8 @@ mod totals;
 mod values;
 
 use crate::error::Result;
-use crate::measure::{Estimate, Named, Pair, list, summarise};
+use crate::measure::list::list_with;
+use crate::measure::{Estimate, Named, Pair, Summary, summarise};
 
 use clusters::{NORMAL, clustered, widened};
 pub use json::Said;
@@ -38,7 +39,7 @@ const BELOW: f64 = 1.645;
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct Told {
-    /// Short name, as in [`list`].
+    /// Short name, as in [`crate::measure::list`].
     pub key: String,
     /// What it is, with its unit.
     pub words: String,
@@ -89,7 +90,10 @@ impl Recording {
     /// # Errors
     /// As [`summarise`].
     pub fn told(&self) -> Result<Vec<Told>> {
-        let summary = summarise(&self.statistics)?;
+        Ok(self.told_with(&summarise(&self.statistics)?))
+    }
+
+    fn told_with(&self, summary: &Summary) -> Vec<Told> {
         let mut rates = self.statistics.counts.as_ref().map(|c| c.rate_by_time()).unwrap_or_default();
         let d = &summary.defects;
         for p in [&d.dead, &d.stuck, &d.hot, &d.weak].into_iter().flatten() {
@@ -117,7 +121,7 @@ impl Recording {
                 None => self.of_readouts(key, words, e),
             }
         };
-        Ok(list(&self.statistics)?.into_iter().map(one).collect())
+        list_with(summary, &self.statistics).into_iter().map(one).collect()
     }
 
     /// Whether the scene moved between the halves of the recording.

@@ -11,6 +11,7 @@ use super::scatter::{Scatter, gap};
 use super::values::Quantity;
 use crate::error::Result;
 use crate::formats::Reader;
+use crate::measure::stream::{bands, joined};
 use crate::measure::{Accumulator, MeasureOptions, Statistics};
 use crate::spikes::{Geometry, Packed};
 
@@ -29,7 +30,7 @@ pub struct Recording {
 /// Takes the readouts of a recording of known length.
 pub struct Recorder {
     geometry: Geometry,
-    options: MeasureOptions,
+    of_parts: MeasureOptions,
     at: usize,
     quarter: usize,
     whole: Vec<Accumulator>,
@@ -45,7 +46,7 @@ impl Recorder {
     /// As [`Accumulator::new`].
     pub fn new(geometry: Geometry, readouts: usize) -> Result<Self> {
         let options = MeasureOptions::default();
-        let (whole, quarter) = (bands(geometry, &options, true)?, readouts / 4);
+        let (whole, quarter) = (bands(geometry, &options)?, readouts / 4);
         let quantities = Quantity::all(&options.lags);
         Ok(Self {
             geometry,
@@ -55,7 +56,7 @@ impl Recorder {
             half: Vec::new(),
             part: Vec::new(),
             scatter: Scatter::new(quantities, geometry, readouts),
-            options,
+            of_parts: MeasureOptions { frames: false, ..options },
         })
     }
 
@@ -64,7 +65,6 @@ impl Recorder {
     /// # Errors
     /// As [`Accumulator::push`].
     pub fn push(&mut self, frames: Packed<'_>) -> Result<()> {
-        push(&mut self.whole, frames)?;
         let size = self.geometry.frame_bytes();
         let mut rest = frames.bytes();
         let kept = self.quarter - gap(self.quarter);
@@ -73,38 +73,35 @@ impl Recorder {
             let end = if within < kept { kept } else { self.quarter };
             let here = (end - within).min(rest.len() / size);
             let (now, later) = rest.split_at(here * size);
-            self.push_part(Packed::new(self.geometry, now)?, within < kept)?;
+            self.push_all(Packed::new(self.geometry, now)?, within < kept)?;
             self.at += here;
             rest = later;
             self.end_parts()?;
         }
-        Ok(())
+        push(&mut self.whole, &mut [], &mut [], Packed::new(self.geometry, rest)?)
     }
 
-    /// Gives the part and the half that are open what is theirs of readouts that lie in a gap or not.
-    fn push_part(&mut self, now: Packed<'_>, kept: bool) -> Result<()> {
+    /// Gives the whole, and the part and the half that are open, what is theirs of readouts that lie in a gap or not.
+    fn push_all(&mut self, now: Packed<'_>, kept: bool) -> Result<()> {
         if self.at.is_multiple_of(self.quarter) {
-            self.part = bands(self.geometry, &self.options, false)?;
+            self.part = bands(self.geometry, &self.of_parts)?;
         }
         if self.at.is_multiple_of(2 * self.quarter) {
-            self.half = bands(self.geometry, &self.options, false)?;
-        }
-        if kept {
-            push(&mut self.part, now)?;
+            self.half = bands(self.geometry, &self.of_parts)?;
         }
         // The first gap of a half is within it.
-        if kept || (self.at / self.quarter).is_multiple_of(2) {
-            push(&mut self.half, now)?;
-        }
-        Ok(())
+        let half =
+            if kept || (self.at / self.quarter).is_multiple_of(2) { &mut self.half[..] } else { &mut [] };
+        let part = if kept { &mut self.part[..] } else { &mut [] };
+        push(&mut self.whole, half, part, now)
     }
 
     fn end_parts(&mut self) -> Result<()> {
         if self.at.is_multiple_of(self.quarter) {
-            self.scatter.add_quarter(&join(std::mem::take(&mut self.part))?);
+            self.scatter.add_quarter(&joined(std::mem::take(&mut self.part))?);
         }
         if self.at.is_multiple_of(2 * self.quarter) {
-            self.scatter.add_half(&join(std::mem::take(&mut self.half))?);
+            self.scatter.add_half(&joined(std::mem::take(&mut self.half))?);
         }
         Ok(())
     }
@@ -114,37 +111,24 @@ impl Recorder {
     /// # Errors
     /// As [`Statistics::join`].
     pub fn finish(self) -> Result<Recording> {
-        Ok(Recording { statistics: join(self.whole)?, scatter: self.scatter })
+        Ok(Recording { statistics: joined(self.whole)?, scatter: self.scatter })
     }
 }
 
-/// Accumulators side by side.
-fn bands(geometry: Geometry, options: &MeasureOptions, frames: bool) -> Result<Vec<Accumulator>> {
-    let bands = (2 * rayon::current_num_threads()).clamp(1, geometry.height());
-    // Small sensors are not worth the threads' time.
-    let bands = bands.min((geometry.pixels() / 2048).max(1));
-    let rows = |i: usize| i * geometry.height() / bands..(i + 1) * geometry.height() / bands;
-    let band = |i| {
-        let rows = Some(rows(i));
-        Accumulator::new(geometry, &MeasureOptions { rows, frames: false, ..options.clone() })
-    };
-    let mut all = (0..bands).map(band).collect::<Result<Vec<_>>>()?;
-    if frames {
-        let whole = MeasureOptions { counts: false, intervals: false, ..options.clone() };
-        all.push(Accumulator::new(geometry, &whole)?);
+/// Gives readouts to the accumulators of the whole, of a half and of a part, all side by side.
+fn push(
+    whole: &mut [Accumulator],
+    half: &mut [Accumulator],
+    part: &mut [Accumulator],
+    frames: Packed<'_>,
+) -> Result<()> {
+    match whole.len() {
+        0..=2 => whole.iter_mut().chain(half).chain(part).try_for_each(|a| a.push(frames)),
+        _ => {
+            let parts = half.par_iter_mut().chain(part.par_iter_mut());
+            whole.par_iter_mut().chain(parts).with_max_len(1).try_for_each(|a| a.push(frames))
+        }
     }
-    Ok(all)
-}
-
-fn push(accumulators: &mut [Accumulator], frames: Packed<'_>) -> Result<()> {
-    match accumulators.len() {
-        0..=2 => accumulators.iter_mut().try_for_each(|a| a.push(frames)),
-        _ => accumulators.par_iter_mut().try_for_each(|a| a.push(frames)),
-    }
-}
-
-fn join(accumulators: Vec<Accumulator>) -> Result<Statistics> {
-    Statistics::join(accumulators.into_iter().map(Accumulator::finish).collect())
 }
 
 impl Recording {

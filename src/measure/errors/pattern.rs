@@ -2,10 +2,11 @@
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
+use rayon::prelude::*;
 
 use super::clusters::{clustered, widened, widened_root};
 use super::values::mean;
-use crate::measure::maps::{line_excess, line_structure};
+use crate::measure::maps::{line_excess, line_means};
 use crate::measure::{
     borders, finite, high_pass, map_correlations, median, median_and_spread, pattern_correlations,
 };
@@ -36,15 +37,14 @@ pub(super) const SPREADS: usize = 4;
 fn values(rates: &[f64], width: usize, temporal: f64) -> [f64; KEYS.len()] {
     let rough = high_pass(rates, width);
     let pixel_sd = median_and_spread(&mut finite(&rough)).1;
-    let lines = line_structure(rates, width);
-    let height = rates.len() / width;
+    let ([rows, columns], height) = (line_means(rates, width), rates.len() / width);
     let rho = map_correlations(&rough, width);
     let [a, b, c, d] = borders(rates, width).map(|e| e.value);
     [
         variance(rates) - temporal,
         pixel_sd * pixel_sd - temporal,
-        line_excess(&lines.rows, pixel_sd, width).excess,
-        line_excess(&lines.columns, pixel_sd, height).excess,
+        line_excess(&rows, pixel_sd, width).excess,
+        line_excess(&columns, pixel_sd, height).excess,
         rho.right.value,
         rho.lower.value,
         rho.diagonal.value,
@@ -95,19 +95,18 @@ fn wild(rates: &[f64], width: usize, temporal: f64, noise: &[f64]) -> [f64; KEYS
     }
     let rounds = (20_000_000 / rates.len().max(1)).clamp(60, 400);
     let mut random = Pcg64Mcg::seed_from_u64(1);
-    let mut drawn: Vec<[f64; KEYS.len()]> = Vec::with_capacity(rounds);
-    for _ in 0..rounds {
-        let mut signs = 0_u64;
+    // Drawn one after the other, so that they are the same for any number of threads.
+    let signs: Vec<Vec<u64>> =
+        (0..rounds).map(|_| (0..rates.len().div_ceil(64)).map(|_| random.next_u64()).collect()).collect();
+    let one = |signs: &Vec<u64>| {
         let moved = |(p, (rate, by)): (usize, (&f64, &f64))| {
-            if p % 64 == 0 {
-                signs = random.next_u64();
-            }
             let by = if by.is_finite() { *by } else { 0.0 };
-            rate + if signs >> (p % 64) & 1 == 0 { by } else { -by }
+            rate + if signs[p / 64] >> (p % 64) & 1 == 0 { by } else { -by }
         };
         let map: Vec<f64> = rates.iter().zip(noise).enumerate().map(moved).collect();
-        drawn.push(values(&map, width, temporal));
-    }
+        values(&map, width, temporal)
+    };
+    let drawn: Vec<[f64; KEYS.len()]> = signs.par_iter().map(one).collect();
     std::array::from_fn(|i| {
         let all: Vec<f64> = drawn.iter().map(|d| d[i]).collect();
         let n = all.len() as f64;
@@ -121,9 +120,9 @@ fn between_sensors(rates: &[f64], width: usize) -> [f64; KEYS.len()] {
     let rough = high_pass(rates, width);
     let mut left = finite(&rough);
     let (centre, pixel_sd) = median_and_spread(&mut left);
-    let lines = line_structure(rates, width);
-    let [row, column] = [(&lines.rows, width), (&lines.columns, height)].map(|(means, length)| {
-        let found = line_excess(means, pixel_sd, length);
+    let [rows, columns] = line_means(rates, width);
+    let [row, column] = [(rows, width), (columns, height)].map(|(means, length)| {
+        let found = line_excess(&means, pixel_sd, length);
         (widened(found.error(), found.lines as f64 / 1.45 - 1.0), found.excess.max(0.0).sqrt())
     });
     let rho = pattern_correlations(rates, width);
@@ -156,18 +155,17 @@ fn between_sensors(rates: &[f64], width: usize) -> [f64; KEYS.len()] {
 /// Error of a variance of pixels in rows and columns: of `n` normal line means of variance `m` it is `m sqrt(2 / (n - 1))`, of what
 /// the lines leave `sqrt((m4 - m2^2) / pixels)`.
 fn total_spread(rates: &[f64], width: usize) -> f64 {
-    let lines = line_structure(rates, width);
+    let [rows, columns] = line_means(rates, width);
     let all = mean(rates);
-    let rest: Vec<f64> = (rates.iter().enumerate())
-        .map(|(p, x)| x - lines.rows[p / width] - lines.columns[p % width] + all)
-        .collect();
+    let rest: Vec<f64> =
+        (rates.iter().enumerate()).map(|(p, x)| x - rows[p / width] - columns[p % width] + all).collect();
     let power = |k: i32| mean(&rest.iter().map(|x| x.powi(k)).collect::<Vec<_>>());
     let count = rest.iter().filter(|x| x.is_finite()).count() as f64;
     let of_lines = |means: &[f64]| {
         let n = means.iter().filter(|m| m.is_finite()).count() as f64;
         if n < 2.0 { 0.0 } else { 2.0 * variance(means).powi(2) / (n - 1.0) }
     };
-    let square = of_lines(&lines.rows) + of_lines(&lines.columns) + (power(4) - power(2).powi(2)) / count;
+    let square = of_lines(&rows) + of_lines(&columns) + (power(4) - power(2).powi(2)) / count;
     let total = variance(rates);
     widened_root(square.sqrt(), 2.0 * total * total / square)
 }

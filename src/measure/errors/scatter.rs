@@ -1,5 +1,7 @@
 //! From differences of parts to the error of the whole.
 
+use rayon::prelude::*;
+
 use super::clusters::{clustered, widened};
 use super::values::{Quantity, mean};
 use crate::measure::Statistics;
@@ -72,26 +74,26 @@ impl Scatter {
     }
 
     pub(super) fn add_quarter(&mut self, statistics: &Statistics) {
-        for of in &mut self.all {
+        self.all.par_iter_mut().for_each(|of| {
             let (map, value) = of.quantity.of(statistics, true);
             of.quarters.push(value);
             if of.quarters.len() % 2 == 1 {
                 of.quarter = map;
-                continue;
+                return;
             }
             let pairs = of.quarter.iter().zip(&map).map(|(a, b)| (a - b).powi(2));
             for square in pairs.filter(|x| x.is_finite()) {
                 of.squares = (of.squares.0 + square, of.squares.1 + 1);
             }
             of.quarter = Vec::new();
-        }
+        });
     }
 
     pub(super) fn add_half(&mut self, statistics: &Statistics) {
         if let Some(counts) = &statistics.counts {
             self.rates.push(counts.rate_by_time());
         }
-        for of in &mut self.all {
+        self.all.par_iter_mut().for_each(|of| {
             let map = of.quantity.of(statistics, true).0;
             match of.half.is_empty() {
                 true => of.half = map,
@@ -100,7 +102,7 @@ impl Scatter {
                     of.half = Vec::new();
                 }
             }
-        }
+        });
     }
 
     /// What another recording by the same sensor would scatter by, for a statistic over `pixels` pixels; `None` where the parts

@@ -261,7 +261,7 @@ impl Intervals {
         Estimate::mean(values)
     }
 
-    fn each(&self, pixels: Option<&[usize]>, mut visit: impl FnMut(usize)) {
+    pub(super) fn each(&self, pixels: Option<&[usize]>, mut visit: impl FnMut(usize)) {
         match pixels {
             Some(pixels) => pixels.iter().for_each(|p| visit(*p)),
             None => (0..self.len()).for_each(visit),

@@ -104,10 +104,10 @@ impl Intervals {
     /// lags are left out.
     #[must_use]
     pub fn decompose(&self, pixels: Option<&[usize]>) -> PhaseNoise {
-        PhaseNoise {
-            per_spike: self.mean(pixels, |p| self.pixel_noise(p, SHORTEST_FITTED)[0]),
-            constant: self.mean(pixels, |p| self.pixel_noise(p, SHORTEST_FITTED)[1]),
-        }
+        let mut found = Vec::new();
+        self.each(pixels, |p| found.push(self.pixel_noise(p, SHORTEST_FITTED)));
+        let mean = |which: usize| Estimate::mean(found.iter().map(|noise| noise[which]));
+        PhaseNoise { per_spike: mean(0), constant: mean(1) }
     }
 
     /// Growth per spike of one pixel as in [`Self::decompose`], from the lag `shortest` on; NaN with

@@ -24,14 +24,86 @@ fn neighbourhood(map: &[f64], width: usize, p: usize, radius: usize) -> impl Ite
 /// its factor applied per pixel, so that the borders keep theirs too.
 #[must_use]
 pub fn high_pass(map: &[f64], width: usize) -> Vec<f64> {
-    let left = |p: usize| {
-        let (sum, n) = neighbourhood(map, width, p, 2).fold((0.0, 0.0), |(s, n), x| (s + x, n + 1.0));
-        if n < 2.0 {
-            return f64::NAN;
+    let mut left = Vec::with_capacity(map.len());
+    let rows: Vec<Vec<Sum>> = map.chunks_exact(width).map(|row| along(row, BOX)).collect();
+    let mut near = vec![Sum::default(); width];
+    for (r, row) in map.chunks_exact(width).enumerate() {
+        near.fill(Sum::default());
+        for other in &rows[r.saturating_sub(BOX)..(r + BOX + 1).min(rows.len())] {
+            near.iter_mut().zip(other).for_each(|(sum, of)| sum.add(*of));
         }
-        (map[p] - sum / n) * f64::sqrt(n / (n - 1.0))
+        let of_pixel = |(x, near): (&f64, &Sum)| match near.count < 2.0 {
+            true => f64::NAN,
+            false => (x - near.mean()) * f64::sqrt(near.count / (near.count - 1.0)),
+        };
+        left.extend(row.iter().zip(&near).map(of_pixel));
+    }
+    left
+}
+
+/// Pixels on either side of the high-pass's own.
+const BOX: usize = 2;
+
+/// Of the finite entries among some.
+#[derive(Clone, Copy, Default)]
+struct Sum {
+    sum: f64,
+    count: f64,
+}
+
+impl Sum {
+    /// Of one entry. Without a branch, so that loops over rows run in lanes.
+    fn of(x: f64) -> Self {
+        let known = x.is_finite();
+        Self { sum: if known { x } else { 0.0 }, count: f64::from(u8::from(known)) }
+    }
+
+    fn add(&mut self, other: Self) {
+        self.sum += other.sum;
+        self.count += other.count;
+    }
+
+    /// NaN of none.
+    fn mean(self) -> f64 {
+        self.sum / self.count
+    }
+}
+
+/// The sum of products of two rows, in eight sums that take turns: one alone waits for each addition.
+fn of_products(a: &[f64], b: &[f64]) -> Sum {
+    let mut sums = [Sum::default(); 8];
+    for (a, b) in a.chunks(8).zip(b.chunks(8)) {
+        sums.iter_mut().zip(a).zip(b).for_each(|((sum, a), b)| sum.add(Sum::of(a * b)));
+    }
+    let mut all = Sum::default();
+    sums.into_iter().for_each(|sum| all.add(sum));
+    all
+}
+
+/// What lies within `radius` of each place of a row.
+fn along(row: &[f64], radius: usize) -> Vec<Sum> {
+    let mut sums = vec![Sum::default(); row.len()];
+    for by in 0..=2 * radius {
+        let (into, from) = (radius.saturating_sub(by), by.saturating_sub(radius));
+        let from = row.get(from..).unwrap_or_default();
+        sums.iter_mut().skip(into).zip(from).for_each(|(sum, x)| sum.add(Sum::of(*x)));
+    }
+    sums
+}
+
+/// Means of the rows and of the columns of a map, over their finite entries.
+pub(super) fn line_means(map: &[f64], width: usize) -> [Vec<f64>; 2] {
+    let mut columns = vec![Sum::default(); width];
+    let mut row_mean = |row: &[f64]| {
+        let mut own = Sum::default();
+        for (column, x) in columns.iter_mut().zip(row) {
+            own.add(Sum::of(*x));
+            column.add(Sum::of(*x));
+        }
+        own.mean()
     };
-    (0..map.len()).map(left).collect()
+    let rows = map.chunks_exact(width).map(&mut row_mean).collect();
+    [rows, columns.into_iter().map(Sum::mean).collect()]
 }
 
 /// The difference of each pixel from the median of its 5x5 box: unlike the
@@ -109,11 +181,7 @@ pub struct LineStructure {
 /// neighbouring lines, halved and divided by the value for the standard deviation.
 #[must_use]
 pub fn line_structure(map: &[f64], width: usize) -> LineStructure {
-    let height = map.len() / width;
-    let row_mean = |r: usize| Estimate::mean(map[r * width..(r + 1) * width].iter().copied()).value;
-    let column_mean = |c: usize| Estimate::mean(map[c..].iter().step_by(width).copied()).value;
-    let rows: Vec<f64> = (0..height).map(row_mean).collect();
-    let columns: Vec<f64> = (0..width).map(column_mean).collect();
+    let (height, [rows, columns]) = (map.len() / width, line_means(map, width));
     let pixel_sd = median_and_spread(&mut super::finite(&high_pass(map, width))).1;
     LineStructure {
         row_sd: pattern(&rows, pixel_sd, width),
@@ -187,18 +255,21 @@ pub struct Correlations {
 pub fn map_correlations(map: &[f64], width: usize) -> Correlations {
     let all = Estimate::mean(map.iter().copied());
     let variance = all.error * all.error * all.samples as f64;
+    let away: Vec<f64> = map.iter().map(|x| x - all.value).collect();
     let with = |down: usize, right: isize| {
-        let product = |p: usize| {
-            let col = (p % width).checked_add_signed(right).filter(|c| *c < width)?;
-            let other = map.get((p / width + down) * width + col)?;
-            let both = (map[p] - all.value) * (other - all.value);
-            both.is_finite().then_some(both)
-        };
-        let mean = Estimate::mean((0..map.len()).filter_map(product));
+        let (mut products, shift) = (Sum::default(), right.unsigned_abs());
+        let rows = away.chunks_exact(width);
+        for (row, other) in rows.clone().zip(rows.skip(down)) {
+            let (row, other) = match right < 0 {
+                true => (row.get(shift..).unwrap_or_default(), other),
+                false => (row, other.get(shift..).unwrap_or_default()),
+            };
+            products.add(of_products(row, other));
+        }
         Estimate {
-            value: mean.value / variance,
-            error: 1.0 / (mean.samples as f64).sqrt(),
-            samples: mean.samples,
+            value: products.mean() / variance,
+            error: 1.0 / products.count.sqrt(),
+            samples: products.count as usize,
         }
     };
     Correlations { right: with(0, 1), lower: with(1, 0), diagonal: with(1, 1), antidiagonal: with(1, -1) }
