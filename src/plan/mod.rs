@@ -13,6 +13,7 @@ mod bounds;
 mod losses;
 mod moving;
 mod scale;
+mod start;
 mod state;
 mod steps;
 mod tables;
@@ -34,7 +35,7 @@ use crate::effects::{Camera, Model};
 use crate::error::{Error, Kind, Result};
 use crate::pixel::Law;
 use crate::spikes::Geometry;
-use state::Origin;
+use start::Origin;
 
 /// Tables are padded to a multiple of this many pixels.
 pub const LANES: usize = 64;
@@ -151,7 +152,7 @@ impl Plan {
         let (tables, rules, moving) = tables::build(model, &laws, &scale, greatest_light);
         let losses = Losses::of(model);
         let origin = Origin::of(model, &laws);
-        let start = state::start(&origin, seeds, &tables, &rules, moving.as_ref(), losses);
+        let start = start::start(&origin, seeds, &tables, &rules, moving.as_ref(), losses);
         let counts = tables.shot.as_ref().map(|_| &*COUNTS);
         Ok(Self {
             geometry,
@@ -191,7 +192,7 @@ impl Plan {
         self.seeds = seeds;
         self.clocks = Clocks::new(seeds);
         let moving = self.moving.as_deref();
-        self.start = state::start(&self.origin, seeds, &self.tables, &self.rules, moving, self.losses);
+        self.start = start::start(&self.origin, seeds, &self.tables, &self.rules, moving, self.losses);
         Ok(())
     }
 

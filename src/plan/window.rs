@@ -6,7 +6,7 @@ use crate::draws::hash;
 use crate::error::Result;
 use crate::plan::moving::{Moving, Telegraph};
 use crate::plan::tables::{NoiseTable, Shot, Tables};
-use crate::plan::{LANES, Plan, state};
+use crate::plan::{LANES, Plan, start};
 use crate::spikes::{Crop, Geometry};
 
 impl Plan {
@@ -21,7 +21,7 @@ impl Plan {
         let tables = cut.tables(&self.tables);
         let moving = self.moving().map(|moving| cut.moving(moving, geometry));
         let origin = self.origin.window(crop, geometry);
-        let start = state::start(&origin, self.seeds, &tables, &self.rules, moving.as_ref(), self.losses);
+        let start = start::start(&origin, self.seeds, &tables, &self.rules, moving.as_ref(), self.losses);
         Ok(Self {
             geometry,
             tables: Arc::new(tables),

@@ -1,0 +1,162 @@
+//! The state before the first readout.
+
+use crate::draws::hash::{Clock, half, key};
+use crate::draws::{Seeds, Stream, gauss};
+use crate::effects::{Model, Phases};
+use crate::pixel::{Law, Redraw};
+use crate::plan::losses::Losses;
+use crate::plan::moving::Moving;
+use crate::plan::state::{ADAPTED, FLIP, LATE, LOW, SLOW, State};
+use crate::plan::tables::{NoiseTable, Rules, Tables};
+use crate::spikes::{Crop, Geometry};
+
+/// The readout whose draw is frozen before the first one.
+const BEFORE_FIRST: u64 = u64::MAX;
+
+/// What charges at the first readout are drawn from.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Origin {
+    geometry: Geometry,
+    phases: Phases,
+    /// Thresholds of the pixels in nominal ones, before they were rounded.
+    thresholds: Vec<f64>,
+}
+
+impl Origin {
+    pub fn of(model: &Model, laws: &[Law]) -> Self {
+        Self {
+            geometry: model.circuit.geometry,
+            phases: model.phases(),
+            thresholds: laws.iter().map(|law| law.threshold).collect(),
+        }
+    }
+
+    pub fn window(&self, crop: Crop, geometry: Geometry) -> Self {
+        let thresholds = crop.pick(self.geometry, &self.thresholds);
+        Self { geometry, phases: self.phases.clone(), thresholds }
+    }
+}
+
+pub(super) fn start(
+    origin: &Origin,
+    seeds: Seeds,
+    tables: &Tables,
+    rules: &Rules,
+    moving: Option<&Moving>,
+    losses: Losses,
+) -> State {
+    let padded = tables.threshold.len();
+    let clock = Clock::new(seeds, Stream::named("start_phase"));
+    let asks_fired = rules.lost_increment != 0.0 || moving.is_some_and(Moving::couples);
+    let waits = rules.released != 0;
+    let mut state = State {
+        charge: vec![-1; padded],
+        fraction: vec![FLIP as i16; padded],
+        surplus: if rules.surplus { vec![0; padded] } else { Vec::new() },
+        fired: if asks_fired { vec![0; padded] } else { Vec::new() },
+        // Nothing waits at first, as after a lens cap.
+        waiting: if waits { vec![0; padded] } else { Vec::new() },
+        waiting_fraction: if waits { vec![FLIP as i16; padded] } else { Vec::new() },
+        ..State::default()
+    };
+    charge(&mut state, origin, clock, &tables.threshold);
+    if rules.redraw == Redraw::EveryReset {
+        freeze(&mut state, seeds, tables);
+    }
+    if let Some(moving) = moving {
+        linger(&mut state, seeds, moving);
+    }
+    if losses.repeated != 0 {
+        state.last = vec![0; origin.geometry.frame_bytes().div_ceil(2)];
+    }
+    state
+}
+
+/// Draws the charges. A crop is started for every recording, and its start takes longer than its readouts: what few pixels ask
+/// for is in a loop of its own.
+fn charge(state: &mut State, origin: &Origin, clock: Clock, thresholds: &[i16]) {
+    let unit = |b: u32| f64::from(b) / 4_294_967_296.0;
+    let fixed = |p: usize, exact: f64, threshold: i16| {
+        let bits = clock.once(p as u32);
+        let charge = origin.phases.charge(exact, unit((bits >> 32) as u32), unit(bits as u32));
+        (charge * f64::from(threshold) / exact * 65_536.0) as i64
+    };
+    let above = |fixed: i64, threshold: i16| (fixed >> 16) - i64::from(threshold);
+    let pixels = origin.thresholds.iter().zip(thresholds).enumerate();
+    let outs = state.charge.iter_mut().zip(&mut state.fraction);
+    if state.surplus.is_empty() {
+        for ((p, (&exact, &threshold)), (whole, fraction)) in pixels.zip(outs) {
+            let fixed = fixed(p, exact, threshold);
+            *whole = of_16_bits(above(fixed, threshold));
+            *fraction = (fixed as u16 ^ FLIP) as i16;
+        }
+        return;
+    }
+    for (((p, (&exact, &threshold)), (whole, fraction)), surplus) in pixels.zip(outs).zip(&mut state.surplus)
+    {
+        let fixed = fixed(p, exact, threshold);
+        let (mut above, size) = (above(fixed, threshold), i64::from(threshold));
+        if above >= 0 {
+            let thresholds = (above / size + 1).min(i64::from(i16::MAX));
+            above -= thresholds * size;
+            *surplus = thresholds as i16;
+        }
+        *whole = of_16_bits(above);
+        *fraction = (fixed as u16 ^ FLIP) as i16;
+    }
+}
+
+fn of_16_bits(x: i64) -> i16 {
+    x.clamp(i64::from(i16::MIN), i64::from(i16::MAX)) as i16
+}
+
+/// What lingers, before the first readout: wandering thresholds and switches in their balance.
+fn linger(state: &mut State, seeds: Seeds, moving: &Moving) {
+    let padded = moving.threshold.len();
+    let clock = |name: &str| Clock::new(seeds, Stream::named(name));
+    let mut store = |at: usize, value: &dyn Fn(usize) -> f32| {
+        let bits: Vec<u32> = (0..padded).map(|p| value(p).to_bits()).collect();
+        state.lingering[at] = bits.iter().map(|b| (b >> 16) as i16).collect();
+        state.lingering[at + 1] = bits.iter().map(|b| *b as i16).collect();
+    };
+    if let Some(slow) = moving.slow {
+        let clock = clock("slow_threshold_noise/start");
+        store(SLOW, &|p| {
+            let deviation = f32::from(gauss::unit(clock.once(p as u32) as u16)) * slow.start;
+            deviation.clamp(-slow.bound, slow.bound)
+        });
+    }
+    if moving.adaptation.is_some() {
+        store(ADAPTED, &|_| 0.0);
+    }
+    if moving.lag.is_some() {
+        store(LATE, &|_| 0.0);
+    }
+    if moving.telegraph.is_some() {
+        let clock = clock("telegraph_dark/start");
+        state.lingering[LOW] = (0..padded).map(|p| -((clock.once(p as u32) & 1) as i16)).collect();
+    }
+}
+
+/// The noise that is frozen until the first reset.
+fn freeze(state: &mut State, seeds: Seeds, tables: &Tables) {
+    let round = Clock::new(seeds, Stream::named("thermal_noise")).round(BEFORE_FIRST);
+    let draw = |p: usize| {
+        let bits = crate::draws::hash::bits(key(p as u32 / 2), round);
+        gauss::unit(half(bits, p))
+    };
+    match &tables.noise {
+        None => {}
+        Some(NoiseTable::Whole(table)) => {
+            let noise =
+                |(p, &m): (usize, &i16)| ((i32::from(draw(p)) * i32::from(m) + (1 << 14)) >> 15) as i16;
+            state.held = table.iter().enumerate().map(noise).collect();
+        }
+        Some(NoiseTable::Fine(table)) => {
+            let noise = |(p, &m): (usize, &f32)| (f32::from(draw(p)) * m).round_ties_even() as i32;
+            let fixed: Vec<i32> = table.iter().enumerate().map(noise).collect();
+            state.held = fixed.iter().map(|v| (v >> 16) as i16).collect();
+            state.held_fraction = fixed.iter().map(|v| *v as i16).collect();
+        }
+    }
+}
