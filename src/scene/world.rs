@@ -2,6 +2,8 @@
 
 use std::sync::OnceLock;
 
+use glam::Vec3;
+
 use super::city::City;
 use super::drive::camera::{Camera, Intrinsics, Mount};
 use super::drive::motion::{Motion, Stance, stance_of};
@@ -10,6 +12,7 @@ use super::lighting::{LAMP_REACH_M, Light, Lighting};
 use super::options::{SLOWEST_KMH, SceneOptions, check};
 use super::random::Draws;
 use super::shapes::grid::Grid;
+use super::shapes::lampward::{Lampward, POST_M};
 use super::shapes::mesh::TRIANGLE_BITS;
 use super::shapes::sunward::Sunward;
 use crate::error::{Error, Kind, Result};
@@ -32,6 +35,8 @@ pub struct Scene {
     pub(super) lamp_grid: Grid,
     /// Made when a shadow is first asked for.
     sunward: OnceLock<Sunward>,
+    /// Of each lamp, made when its shadows are first asked for.
+    lampward: Vec<OnceLock<Lampward>>,
 }
 
 impl Scene {
@@ -76,6 +81,7 @@ impl Scene {
             span,
             lamp_grid: Grid::new(8.0, &lamps),
             sunward: OnceLock::new(),
+            lampward: lamps.iter().map(|_| OnceLock::new()).collect(),
             light: Light::random(seed, lighting, options.flicker_hz),
             mount: Mount::random(seed),
             city,
@@ -132,6 +138,17 @@ impl Scene {
             .found(format_args!("{t} s"))
             .expected(format_args!("0 to {} s", self.duration_s))
             .remedy("ask for a longer duration when the scene is made"))
+    }
+
+    /// Whether the city stands between a point and the lamp of this number.
+    pub(super) fn hides_lamp(&self, lamp: u16, from: Vec3) -> bool {
+        let position = self.city.lamps[usize::from(lamp)].position;
+        let made = || Lampward::new(self.city.bvh.triangles(), position, LAMP_REACH_M);
+        let found = self.lampward[usize::from(lamp)].get_or_init(made).blocked(from);
+        found.unwrap_or_else(|| {
+            let to = position - from;
+            self.city.bvh.blocked(from, to.normalize_or_zero(), 0.0, to.length() - POST_M)
+        })
     }
 
     /// What stands between places of the city and its sun or moon.

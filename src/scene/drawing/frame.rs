@@ -41,6 +41,9 @@ pub(in crate::scene) struct Placed<'a> {
     pub stance: Stance,
     pub axes: Mat3,
     pub origin: Vec3,
+    /// The ball around it, a little larger than its box.
+    pub middle: Vec3,
+    pub radius: f32,
     /// Share of the sky over it, and how deep in the tunnel it is.
     pub sky: f32,
     pub tunnel: f32,
@@ -144,11 +147,14 @@ impl<'a> Frame<'a> {
         let drives = matches!(vehicle.motion, Motion::Lane { .. });
         let before = if drives { scene.stance(&vehicle.motion, (t - 0.1).max(0.0)).speed } else { 0.0 };
         let on_road = d.abs() < scene.city.road.half_m() + 2.0;
+        let (axes, origin) = (to_world.matrix3.as_mat3(), to_world.translation.as_vec3());
         self.placed.push(Placed {
             shape,
             stance,
-            axes: to_world.matrix3.as_mat3(),
-            origin: to_world.translation.as_vec3(),
+            axes,
+            origin,
+            middle: origin + axes.z_axis * (0.5 * shape.size.z),
+            radius: (shape.size * 0.5).length() + 0.1,
             sky: if on_road { scene.city.sky_at(s) } else { 0.7 },
             tunnel: scene.city.tunnel_share(s),
             drives,
@@ -215,14 +221,22 @@ impl<'a> Frame<'a> {
 
     /// True when a vehicle of `list` lies between `origin` and `origin + max way`.
     pub(crate) fn blocked_by(&self, list: &[u16], origin: Vec3, way: Vec3, max: f32) -> bool {
-        list.iter().any(|&i| {
-            let p = &self.placed[i as usize];
+        list.iter().map(|&i| &self.placed[usize::from(i)]).filter(|p| p.is_near(origin, way, max)).any(|p| {
             let from = p.axes.transpose() * (origin - p.origin);
             let to = p.axes.transpose() * way;
             let middle = Vec3::Z * (0.5 * p.shape.size.z);
             let half = p.shape.size * 0.5 + 0.02;
             hits_box(from - middle, to, half, max) && p.shape.bvh.blocked(from, to, 0.0, max)
         })
+    }
+}
+
+impl Placed<'_> {
+    /// Whether a ray passes through the ball around the vehicle. Most rays do not, and this asks least of each.
+    fn is_near(&self, origin: Vec3, way: Vec3, max: f32) -> bool {
+        let to = self.middle - origin;
+        let along = to.dot(way).clamp(0.0, max);
+        (to - way * along).length_squared() <= self.radius * self.radius
     }
 }
 

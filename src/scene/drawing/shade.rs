@@ -8,6 +8,7 @@ use super::texture;
 use super::texture::Look;
 use super::texture::noise;
 use crate::scene::lighting::LAMP_REACH_M;
+use crate::scene::shapes::lampward::POST_M;
 use crate::scene::shapes::material::Material;
 
 const PI: f32 = std::f32::consts::PI;
@@ -175,6 +176,7 @@ fn glint(f: &Fragment, look: &Look, to: Vec3) -> f32 {
 
 /// What a street lamp would give to a point if nothing stood between.
 struct Offer {
+    lamp: u16,
     to: Vec3,
     distance: f32,
     cosine: f32,
@@ -199,7 +201,7 @@ fn offer(frame: &Frame, f: &Fragment, look: &Look, index: u16) -> Option<Offer> 
     let level = light.lamp_cd * lamp.strength * light.lamp_level(frame.t, lamp.phase);
     let lux = level * lobe / (distance * distance);
     let diffuse = lux * (cosine.max(0.0) + through);
-    (diffuse > 0.0).then_some(Offer { to, distance, cosine, lux, diffuse })
+    (diffuse > 0.0).then_some(Offer { lamp: index, to, distance, cosine, lux, diffuse })
 }
 
 /// Street lamps near the fragment; those that matter get a shadow ray each.
@@ -211,11 +213,11 @@ fn lamps(frame: &Frame, f: &Fragment, look: &Look, arriving: &mut Arriving) {
     let total: f32 = offers.iter().map(|o| o.diffuse).sum();
     for o in offers {
         let origin = f.world + f.facet * 0.03 + if look.through > 0.0 { o.to * 0.35 } else { Vec3::ZERO };
-        let reach = o.distance - 0.4;
+        let reach = o.distance - POST_M;
         // Half of a faint lamp's light is a fair guess, and saves most rays.
         let seen = if o.diffuse < 0.07 * total {
             0.5
-        } else if scene.city.bvh.blocked(origin, o.to, 0.0, reach)
+        } else if scene.hides_lamp(o.lamp, origin)
             || frame.blocked_by(frame.near.at(place), origin, o.to, reach)
         {
             0.0

@@ -36,6 +36,11 @@ impl Bvh {
         Self { tree, triangles }
     }
 
+    /// The triangles, in no order that means anything.
+    pub(crate) fn triangles(&self) -> &[Triangle] {
+        &self.triangles
+    }
+
     /// True when a triangle lies on `origin + t direction` for t in (min, max).
     pub(crate) fn blocked(&self, origin: Vec3, direction: Vec3, min: f32, max: f32) -> bool {
         let ray = Ray::new(origin.into(), direction.into(), min, max);

@@ -3,6 +3,8 @@
 
 use glam::{Vec2, Vec3};
 
+use super::columns::Columns;
+
 /// Side of a column in metres.
 const COLUMN_M: f32 = 1.0;
 
@@ -24,9 +26,7 @@ pub(in crate::scene) struct Sunward {
     /// Two axes across the light, and the way to the sun.
     axes: [Vec3; 3],
     low: Vec2,
-    size: (usize, usize),
-    starts: Vec<u32>,
-    items: Vec<u32>,
+    columns: Columns,
     slabs: Vec<Slab>,
 }
 
@@ -54,81 +54,16 @@ impl Sunward {
         let low = corners().fold(Vec2::MAX, Vec2::min);
         let extent = (corners().fold(Vec2::MIN, Vec2::max) - low).max(Vec2::ZERO) / COLUMN_M;
         let size = if slabs.is_empty() { (0, 0) } else { (extent.x as usize + 1, extent.y as usize + 1) };
-        let mut all = Self {
-            axes: [x, y, sun],
-            low,
-            size,
-            starts: vec![0; size.0 * size.1 + 1],
-            items: Vec::new(),
-            slabs,
-        };
-        all.fill();
-        all
-    }
-
-    fn fill(&mut self) {
-        let mut counts = vec![0u32; self.size.0 * self.size.1];
-        for slab in &self.slabs {
-            self.columns(slab, |column| counts[column] += 1);
-        }
-        let mut end = 0;
-        for (start, count) in self.starts.iter_mut().zip(&mut counts) {
-            *start = end;
-            end += std::mem::take(count);
-        }
-        if let Some(last) = self.starts.last_mut() {
-            *last = end;
-        }
-        let mut items = vec![0u32; end as usize];
-        for (i, slab) in self.slabs.iter().enumerate() {
-            self.columns(slab, |column| {
-                items[(self.starts[column] + counts[column]) as usize] = i as u32;
-                counts[column] += 1;
-            });
-        }
-        self.items = items;
-    }
-
-    /// Calls `each` for every column that a triangle reaches into.
-    fn columns(&self, slab: &Slab, mut each: impl FnMut(usize)) {
-        let corners = slab.corners().map(|p| (p - self.low) / COLUMN_M);
-        let [a, b, c] = corners;
-        let (low, high) = (a.y.min(b.y).min(c.y), a.y.max(b.y).max(c.y));
-        for row in low as usize..=(high as usize).min(self.size.1 - 1) {
-            let (bottom, top) = (row as f32, row as f32 + 1.0);
-            let (mut left, mut right) = (f32::MAX, f32::MIN);
-            for (p, q) in [(a, b), (b, c), (c, a)] {
-                let (p, q) = if p.y < q.y { (p, q) } else { (q, p) };
-                if p.y > top || q.y < bottom {
-                    continue;
-                }
-                let at = |y: f32| if q.y > p.y { p.x + (q.x - p.x) * ((y - p.y) / (q.y - p.y)) } else { p.x };
-                for x in
-                    [at(bottom.max(p.y)), at(top.min(q.y)), if q.y > p.y { at(p.y.max(bottom)) } else { q.x }]
-                {
-                    (left, right) = (left.min(x), right.max(x));
-                }
-            }
-            // A little more than the triangle, for the rounding of its edges.
-            let (first, last) =
-                ((left - 1e-3).max(0.0) as usize, ((right + 1e-3).max(0.0) as usize).min(self.size.0 - 1));
-            for column in first..=last {
-                each(row * self.size.0 + column);
-            }
-        }
+        let in_cells = |slab: &Slab| slab.corners().map(|p| (p - low) / COLUMN_M);
+        let flat = slabs.iter().enumerate().map(|(i, slab)| (i as u32, in_cells(slab)));
+        Self { axes: [x, y, sun], low, columns: Columns::new(size, flat), slabs }
     }
 
     /// True when a triangle lies between `origin` and `origin + max` towards the sun.
     pub(crate) fn blocked(&self, origin: Vec3, max: f32) -> bool {
         let p = Vec2::new(origin.dot(self.axes[0]), origin.dot(self.axes[1]));
-        let cell = (p - self.low) / COLUMN_M;
-        // Not a number fails this comparison too.
-        if !(cell.x >= 0.0 && cell.y >= 0.0 && cell.x < self.size.0 as f32 && cell.y < self.size.1 as f32) {
-            return false;
-        }
-        let column = cell.y as usize * self.size.0 + cell.x as usize;
+        let Some(list) = self.columns.at((p - self.low) / COLUMN_M) else { return false };
         let height = origin.dot(self.axes[2]);
-        let list = &self.items[self.starts[column] as usize..self.starts[column + 1] as usize];
         list.iter()
             .map(|&i| &self.slabs[i as usize])
             .take_while(|slab| slab.top > height)
