@@ -137,6 +137,16 @@ def crops(table: Table, spikezoo: Path | None, spikecv: Path | None) -> None:
     times = {"packed": best(lambda: run(False, packed)), "a byte a pixel": best(lambda: run(True, bits))}
     for name, seconds in times.items():
         table.row(f"64 crops of 96x96x41, `physical`, fresh seeds, {name}", f"{64 / seconds:.0f} crops/s")
+    clean, twins = camera.clean_twin(), np.empty_like(bits)
+
+    def with_truth() -> list[np.ndarray]:
+        run(True, bits)
+        sl.simulate_batch(clean, clips, sequences=range(turn[0], turn[0] + 64), out=twins)
+        return [sl.light_at(clip, [20]) for clip in clips]
+
+    pairs = 64 / best(with_truth)
+    table.row("the same as bytes, with the clean twin and the light of its middle", f"{pairs:.0f} crops/s")
+    table.law("crops with twin and light a second", pairs, 4000)
     full = clips[:16].astype(np.float64) / 255
 
     def peer(name: str, work: Callable[[np.ndarray], object]) -> None:

@@ -141,22 +141,44 @@ fn linger(state: &mut State, seeds: Seeds, moving: &Moving) {
 /// The noise that is frozen until the first reset.
 fn freeze(state: &mut State, seeds: Seeds, tables: &Tables) {
     let round = Clock::new(seeds, Stream::named("thermal_noise")).round(BEFORE_FIRST);
-    let draw = |p: usize| {
-        let bits = crate::draws::hash::bits(key(p as u32 / 2), round);
-        gauss::unit(half(bits, p))
-    };
+    let mut drawn = vec![0; tables.threshold.len()];
+    for (pair, two) in drawn.chunks_mut(2).enumerate() {
+        let bits = crate::draws::hash::bits(key(pair as u32), round);
+        two.iter_mut().enumerate().for_each(|(p, draw)| *draw = gauss::unit(half(bits, p)));
+    }
     match &tables.noise {
         None => {}
         Some(NoiseTable::Whole(table)) => {
             let noise =
-                |(p, &m): (usize, &i16)| ((i32::from(draw(p)) * i32::from(m) + (1 << 14)) >> 15) as i16;
-            state.held = table.iter().enumerate().map(noise).collect();
+                |(&draw, &m): (&i16, &i16)| ((i32::from(draw) * i32::from(m) + (1 << 14)) >> 15) as i16;
+            state.held = drawn.iter().zip(table).map(noise).collect();
         }
         Some(NoiseTable::Fine(table)) => {
-            let noise = |(p, &m): (usize, &f32)| (f32::from(draw(p)) * m).round_ties_even() as i32;
-            let fixed: Vec<i32> = table.iter().enumerate().map(noise).collect();
+            let noise = |(&draw, &m): (&i16, &f32)| nearest(f32::from(draw) * m);
+            let fixed: Vec<i32> = drawn.iter().zip(table).map(noise).collect();
             state.held = fixed.iter().map(|v| (v >> 16) as i16).collect();
             state.held_fraction = fixed.iter().map(|v| *v as i16).collect();
+        }
+    }
+}
+
+/// The nearest whole number, of two the even one: adding 1.5 * 2^52 leaves no room for a fraction. Where an instruction for it is
+/// not certain, `round_ties_even` is a call for each pixel.
+fn nearest(x: f32) -> i32 {
+    const SHIFT: f64 = 6_755_399_441_055_744.0;
+    (f64::from(x) + SHIFT - SHIFT) as i32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::nearest;
+
+    #[test]
+    fn the_nearest_whole_number_is_that_of_the_standard_library() {
+        let some = (-40_000..40_000).map(|i| i as f32 * 0.25);
+        let large = (0..200).map(|i| 1.17_f32.powi(i)).flat_map(|x| [x, -x]);
+        for x in some.chain(large) {
+            assert_eq!(nearest(x), x.round_ties_even() as i32, "{x}");
         }
     }
 }
