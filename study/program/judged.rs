@@ -1,5 +1,7 @@
 //! A sensor of a laboratory, and what the program says of it.
 
+use std::path::Path;
+
 use serde_json::{Value, json};
 use spikelane::diagnose::{DiagnoseOptions, diagnose};
 
@@ -29,7 +31,7 @@ pub(crate) fn smallest() -> Vec<(String, f64)> {
     all
 }
 
-pub(crate) fn judged(job: &Job, attempt: u64, smallest: &[(String, f64)]) -> Value {
+pub(crate) fn judged(job: &Job, attempt: u64, smallest: &[(String, f64)], keep: Option<&Path>) -> Value {
     let seed = job.seed() ^ attempt.wrapping_mul(0x9E37_79B9_7F4A_7C15);
     let factors = Factors::drawn(seed);
     let mut physics = factors.physics();
@@ -43,10 +45,15 @@ pub(crate) fn judged(job: &Job, attempt: u64, smallest: &[(String, f64)]) -> Val
         hidden.push(json!({"name": kind.name, "strength": strength}));
     }
     let sensor = Sensor::new(physics, SIDE, SIDE, seed);
-    let folder = tempfile::tempdir().unwrap();
-    let first = lab::take(&sensor, &factors, 0, &folder.path().join("0"));
-    let second = factors.second_set.then(|| lab::take(&sensor, &factors, 1, &folder.path().join("1")));
+    let own = tempfile::tempdir().unwrap();
+    let folder = keep.map_or_else(|| own.path().to_owned(), |keep| keep.join(job.id()));
+    let first = lab::take(&sensor, &factors, 0, &folder.join("0"));
+    let second = factors.second_set.then(|| lab::take(&sensor, &factors, 1, &folder.join("1")));
     let camera = factors.camera_file.then(|| lab::camera_file(&first, &factors));
+    if let (Some(_), Some(camera)) = (keep, &camera) {
+        let saved = spikelane::presets::to_toml(camera).unwrap();
+        std::fs::write(folder.join("camera.toml"), saved.text).unwrap();
+    }
     let options = DiagnoseOptions { camera: camera.as_ref(), ..DiagnoseOptions::default() };
     let found = diagnose(&first, second.as_ref(), options, &mut |_, _| {});
     let said = match &found {

@@ -1,7 +1,7 @@
 //! The study of the program's own path: laboratories whose cameras, lamps and protocols differ, and what `diagnose` says of them.
 //!
 //! `cargo run --release --example study-program -- RECORDS.jsonl [--nulls N] [--singles N] [--doubles N] [--outside N] [--minutes M]
-//! [--attempt K] [--table FILE]` adds sensors to RECORDS, one a line, and leaves those alone that are there. The simulator of the truth is
+//! [--attempt K] [--only ID] [--keep FOLDER] [--table FILE]` adds sensors to RECORDS, one a line, and leaves those alone that are there. The simulator of the truth is
 //! that of the tests and imports nothing from the library. Seeds are functions of a sensor's name and of the attempt. Clean sensors, single
 //! effects, doubles and what the catalogue does not hold come side by side. `--times [N]` prints how long clean, single and double
 //! sensors of 96x64 pixels take instead, of the first N cases.
@@ -38,6 +38,9 @@ struct Args {
     counts: [usize; 5],
     minutes: f64,
     attempt: u64,
+    only: Option<String>,
+    /// Where the sets of the sensors that run stay.
+    keep: Option<PathBuf>,
     table: Option<PathBuf>,
 }
 
@@ -51,7 +54,9 @@ fn main() {
     let args = args();
     let jobs = side_by_side(jobs(args.counts, &[]));
     let known = known(&args.records);
-    let open: Vec<&Job> = jobs.iter().filter(|j| !known.iter().any(|r| r["id"] == j.id().as_str())).collect();
+    let wanted = |j: &&Job| args.only.as_ref().is_none_or(|only| *only == j.id());
+    let left = |j: &&Job| !known.iter().any(|r| r["id"] == j.id().as_str());
+    let open: Vec<&Job> = jobs.iter().filter(wanted).filter(left).collect();
     let seconds: f64 = open.iter().map(|j| SECONDS[usize::from(j.class != "null")]).sum();
     println!(
         "{} sensors asked for, {} open: about {:.1} h of processor time",
@@ -69,7 +74,7 @@ fn main() {
             break;
         }
         let begun = Instant::now();
-        let record = judged(job, args.attempt, &strengths);
+        let record = judged(job, args.attempt, &strengths, args.keep.as_deref());
         let seconds = begun.elapsed().as_secs_f64();
         println!("{}: {} {} ({seconds:.0} s)", job.id(), record["said"]["verdict"], record["score"]["names"]);
         writeln!(file, "{record}").unwrap();
@@ -100,8 +105,15 @@ fn side_by_side(jobs: Vec<Job>) -> Vec<Job> {
 fn args() -> Args {
     let mut words = std::env::args().skip(1);
     let records = words.next().expect("a file for the records");
-    let mut args =
-        Args { records: records.into(), counts: [0; 5], minutes: f64::INFINITY, attempt: 1, table: None };
+    let mut args = Args {
+        records: records.into(),
+        counts: [0; 5],
+        minutes: f64::INFINITY,
+        attempt: 1,
+        only: None,
+        keep: None,
+        table: None,
+    };
     while let Some(word) = words.next() {
         let value = words.next().unwrap_or_else(|| panic!("{word} needs a value"));
         let number = || value.parse::<f64>().unwrap_or_else(|_| panic!("{word} {value}: a number"));
@@ -112,6 +124,8 @@ fn args() -> Args {
             "--doubles" => args.counts[3] = number() as usize,
             "--minutes" => args.minutes = number(),
             "--attempt" => args.attempt = number() as u64,
+            "--only" => args.only = Some(value),
+            "--keep" => args.keep = Some(value.into()),
             "--table" => args.table = Some(value.into()),
             _ => panic!("{word}: unknown"),
         }
