@@ -136,6 +136,18 @@ fn of_two_hundred_still_scenes_none_moves() {
 }
 
 #[test]
+fn pixels_that_are_all_alike_do_not_move() {
+    // Their phases hang on each other, so that the halves' rates differ by few values, and neighbours by the same one.
+    for (i, preset) in ["ideal", "neuspike", "spikingsim"].into_iter().enumerate() {
+        let one = camera(preset, 96, 64);
+        for level in [0.049, 0.3, 0.49, 0.51, 0.66, 0.9] {
+            let found = lit(&one, 2000, i as u64, |_, _| level, 2000).motion();
+            assert!(!found.moves, "{preset} at {level}: {found:?}");
+        }
+    }
+}
+
+#[test]
 fn a_patch_that_passes_and_a_picture_that_pans_are_said_to_move() {
     let one = camera("physical", 64, 48);
     let patch = |p: usize, t: usize| {

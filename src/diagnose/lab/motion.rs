@@ -16,6 +16,8 @@ const SATURATED: f64 = 0.985;
 pub(super) fn moves(scene: &Scene, scan: &Scan) -> Option<Fault> {
     let share = match &scene.still {
         Some(still) => still.moved,
+        // Nothing is seen that could move. Few spikes of the dark current come in patches by chance.
+        None if scene.greatest() == 0.0 => None,
         None => Some(scan.motion(scene.readouts)).filter(|m| m.moves).map(|m| m.share),
     };
     share.map(|share| {
@@ -51,4 +53,36 @@ pub(super) fn strangers(levels: &[(usize, Level)], width: usize) -> Vec<(usize, 
         (*k, Fault::of(&level.name, FaultKind::OtherPattern, words))
     };
     (0..usable.len()).filter(stranger).map(fault).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibrate::Light;
+    use crate::diagnose::recording::scan::scan;
+    use crate::spikes::{Geometry, Packed, set_bit};
+
+    #[test]
+    fn few_spikes_that_come_side_by_side_move_a_lit_scene_alone() {
+        let geometry = Geometry::new(24, 24).unwrap();
+        let readouts = 1024;
+        let mut bits = vec![0; readouts * geometry.frame_bytes()];
+        // Pixels have 0 to 2 spikes in either half, and a patch of 16 has five more in the second.
+        for p in 0..geometry.pixels() {
+            let patch = p % 24 < 4 && p / 24 < 4;
+            let late = p * 7 % 3 + if patch { 5 } else { 0 };
+            let times = (0..p % 3).map(|k| 10 + 90 * k).chain((0..late).map(|k| 600 + 40 * k));
+            times.for_each(|t| set_bit(&mut bits[t * geometry.frame_bytes()..], p));
+        }
+        let scene = |level| Scene {
+            name: "flat.dat".to_owned(),
+            light: Light::Level(level),
+            readouts,
+            skip: 0,
+            still: None,
+        };
+        let scan = scan(Packed::new(geometry, &bits).unwrap(), scene(0.0).look());
+        assert!(moves(&scene(0.03), &scan).is_some());
+        assert!(moves(&scene(0.0), &scan).is_none());
+    }
 }

@@ -9,6 +9,12 @@ const CLASS: usize = 64;
 /// Robust deviations beyond which a pixel has changed: one in two million of a normal law.
 const BEYOND: f64 = 5.0;
 
+/// Least deviation in those of phases: five of these are more than phases alone can make.
+///
+/// The times of a half's ends are off by less than a readout, so that rates by time differ by less than two rates over a half, and by
+/// twice as much from their class: `4 sqrt(3)` deviations. Counts differ by up to four, `4 sqrt(2)` of theirs.
+const PHASES: f64 = 1.5;
+
 /// Pixels side by side that chance does not change alike.
 const PATCH: usize = 8;
 
@@ -64,8 +70,8 @@ pub(crate) fn motion(rates: &[Vec<f64>], width: usize, sd: f64) -> Motion {
         };
         let steps = median_and_spread(&mut class.iter().filter_map(beside).collect::<Vec<_>>()).1;
         let narrow = if steps > 0.0 { spread.min(steps) } else { spread };
-        // Rates of noise-free pixels may agree exactly.
-        let scale = narrow.max(0.5 * sd).max(f64::MIN_POSITIVE);
+        // Where pixels are alike, their phases hang on each other, and a class holds few values of the difference that lie far apart.
+        let scale = narrow.max(PHASES * sd).max(f64::MIN_POSITIVE);
         class.iter().for_each(|p| scaled[*p] = change[*p] / scale);
     }
     let (patched, largest) = patches(&scaled, width);

@@ -123,7 +123,7 @@ mod tests {
             differ += u32::from(hit != tree.blocked(from, to.normalize(), 0.0, to.length() - POST_M));
         }
         assert!(asked > 3000, "{asked} of 6000 lie below the lamp");
-        assert!(blocked * 4 > asked && blocked * 4 < 3 * asked, "{blocked} of {asked} lie in shadow");
+        assert!(blocked > 400 && blocked < 2000, "{blocked} of {asked} lie in shadow");
         // Both ask the same triangles by the same rule.
         assert_eq!(differ, 0);
     }
