@@ -60,7 +60,7 @@ impl Scan {
         };
         // Counts of two halves differ by u0 - 2 u1 + u2 with phases of 1/12 each.
         let sd = 0.5_f64.sqrt() / half.max(1) as f64;
-        motion(&[of(false), of(true)], self.geometry.width(), sd)
+        motion(&[of(false), of(true)], self.geometry.width(), sd, half)
     }
 }
 

@@ -129,9 +129,9 @@ impl Recording {
     pub fn motion(&self) -> Motion {
         // A rate over n readouts is known to f sqrt(1/6) / n, and there are two of them.
         let rate = self.statistics.counts.as_ref().map_or(0.0, |c| values::mean(&c.rate()));
-        let half = scatter::half_readouts(self.statistics.readouts as usize).max(1) as f64;
-        let sd = rate / half / 3.0_f64.sqrt();
-        motion::motion(&self.scatter.rates, self.statistics.geometry.width(), sd)
+        let half = scatter::half_readouts(self.statistics.readouts as usize).max(1);
+        let sd = rate / half as f64 / 3.0_f64.sqrt();
+        motion::motion(&self.scatter.rates, self.statistics.geometry.width(), sd, half)
     }
 
     /// A mean or a share over pixels; of the signal only over pixels with `rates`.

@@ -1,5 +1,6 @@
 //! Whether the scene moved.
 
+use crate::draws::hash::mix64;
 use crate::measure::estimate::median_and_spread;
 use crate::measure::{finite, map_correlations, median};
 
@@ -31,7 +32,7 @@ pub struct Motion {
     pub share: f64,
 }
 
-/// Compares the rates of two halves. `sd` is the least deviation of their difference in one pixel, that of regular pixels'
+/// Compares the rates of two halves of `half` readouts. `sd` is the least deviation of their difference in one pixel, that of regular pixels'
 /// phases: what noise adds cannot be told from motion by its intervals.
 ///
 /// What all pixels of one rate do alike is no motion: flicker, a lamp or a gain that drifts, warmth. So the common factor is
@@ -40,13 +41,17 @@ pub struct Motion {
 /// differences of neighbours tell too, and they see little of what moves. Changed are pixels beyond five such deviations,
 /// and a scene moves where eight or more that changed one way lie side by side (a pixel that blinks is alone), in a thousandth
 /// of the sensor; or where the changes of neighbours go together in both directions and are twice what phases make.
-pub(crate) fn motion(rates: &[Vec<f64>], width: usize, sd: f64) -> Motion {
+pub(crate) fn motion(rates: &[Vec<f64>], width: usize, sd: f64, half: usize) -> Motion {
     let [first, second] = rates else {
         return Motion { moves: false, share: 0.0 };
     };
     let told = |p: &usize| first[*p].is_finite() && second[*p].is_finite();
     let mut order: Vec<usize> = (0..first.len()).filter(told).collect();
-    order.sort_by(|a, b| (first[*a] + second[*a]).total_cmp(&(first[*b] + second[*b])));
+    // Where pixels are alike, those of exactly one sum have one or two values of the difference, and no spread: so the order is
+    // blurred by four spikes, by the pixel's number alone.
+    let blur = |p: usize| 8.0 * (mix64(p as u64) as f64 / u64::MAX as f64 - 0.5) / half.max(1) as f64;
+    let brightness: Vec<f64> = (0..first.len()).map(|p| first[p] + second[p] + blur(p)).collect();
+    order.sort_by(|a, b| brightness[*a].total_cmp(&brightness[*b]));
     // A lamp or a gain that drifts changes all rates by one factor, within a class too.
     let mut factors: Vec<f64> = order.iter().map(|p| second[*p] / first[*p]).collect();
     let factor = median(&mut factors);
