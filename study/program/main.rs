@@ -80,8 +80,7 @@ fn main() {
         writeln!(file, "{record}").unwrap();
     }
     if let Some(path) = args.table {
-        let text = made::by() + &table::table(&self::known(&args.records));
-        std::fs::write(path, text).unwrap();
+        put(&path, &(made::by() + &table::table(&self::known(&args.records))));
     }
 }
 
@@ -131,6 +130,15 @@ fn args() -> Args {
         }
     }
     args
+}
+
+/// Puts the table between the marks of a page; a file that is not there becomes the table alone.
+fn put(path: &std::path::Path, table: &str) {
+    let (begin, end) = ("<!-- program: begin -->\n", "<!-- program: end -->");
+    let page = std::fs::read_to_string(path).unwrap_or_else(|_| format!("{begin}{end}\n"));
+    let (before, rest) = page.split_once(begin).expect("a page with the marks of the program's table");
+    let (_, after) = rest.split_once(end).expect("a second mark");
+    std::fs::write(path, format!("{before}{begin}{table}{end}{after}")).unwrap();
 }
 
 fn known(path: &std::path::Path) -> Vec<Value> {

@@ -67,10 +67,10 @@ mod tests {
         let geometry = Geometry::new(24, 24).unwrap();
         let readouts = 1024;
         let mut bits = vec![0; readouts * geometry.frame_bytes()];
-        // Pixels have 0 to 2 spikes in either half, and a patch of 16 has five more in the second.
+        // Pixels have 0 to 2 spikes in either half, and a patch of 16 has eight more in the second.
         for p in 0..geometry.pixels() {
             let patch = p % 24 < 4 && p / 24 < 4;
-            let late = p * 7 % 3 + if patch { 5 } else { 0 };
+            let late = p * 7 % 3 + if patch { 8 } else { 0 };
             let times = (0..p % 3).map(|k| 10 + 90 * k).chain((0..late).map(|k| 600 + 40 * k));
             times.for_each(|t| set_bit(&mut bits[t * geometry.frame_bytes()..], p));
         }
