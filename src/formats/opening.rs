@@ -96,6 +96,16 @@ impl Opening {
         Builder { opening: self, name: path.display().to_string(), facts, above }.build(source)
     }
 
+    /// Opens a file that was just written, of a layout and a geometry that are known: what lies beside it may be of what it replaced.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub(crate) fn open_written(&self, path: &Path) -> Result<Reader> {
+        let (facts, above) = (Facts::default(), None);
+        let source = Source::Map(Map::open(path)?);
+        Builder { opening: self, name: path.display().to_string(), facts, above }.build(source)
+    }
+
     /// Takes a stream that is already in memory; `name` stands for it in errors.
     ///
     /// # Errors

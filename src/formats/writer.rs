@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::error::{Error, Kind, Result};
-use crate::formats::{Codec, Layout};
+use crate::formats::{Codec, Layout, sidecar};
 use crate::spikes::Geometry;
 use crate::storage::{Digest, Writer};
 
@@ -220,6 +220,7 @@ impl StreamWriter {
                 .expected(format_args!("{} before the end", self.readouts)));
         }
         let done = self.writer.finish()?;
+        sidecar::forget(&done.path)?;
         Ok(Finished { path: done.path, bytes: done.bytes, digest: self.digest.text(), sync: done.sync })
     }
 }

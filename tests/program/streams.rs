@@ -21,6 +21,24 @@ fn every_layout_converts_there_and_back() {
 }
 
 #[test]
+fn a_stream_that_is_replaced_leaves_no_sidecar_that_speaks_of_it() {
+    let place = Place::new();
+    for (stem, readouts) in [("a", 40), ("b", 30)] {
+        place.good(&format!("simulate --source chart --readouts {readouts} -o {stem}"));
+    }
+    place.good("convert b.dat o.dat");
+    // More readouts than the sidecar beside it says, from the program that wrote it and from another one.
+    place.good("convert a.dat o.dat --force");
+    assert_eq!(place.json("o.dat.json")["readouts"], 40);
+    place.good("simulate --source chart --readouts 50 -o o --force");
+    place.good("verify o.dat");
+    assert!(!place.path("o.dat.json").exists());
+    place.good("simulate --source chart --readouts 60 -o c");
+    place.good("convert c.dat o.dat --force");
+    place.good("verify o.dat");
+}
+
+#[test]
 fn a_part_is_cut_out_and_keeps_its_origin() {
     let place = Place::new();
     place.good(CAMERA);

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::formats::{Layout, Reader};
+use crate::formats::{Layout, Opening};
 use crate::light::Frame;
 use crate::report::with_known;
 use crate::simulate::{
@@ -190,8 +190,9 @@ fn simulate(args: &Args, job: &Run, light: Light, stop: Stop, names: &Names, out
 
 fn picture(args: &Args, job: &Run, outcome: &Outcome, layout: Layout, names: &Names) -> Result<()> {
     let geometry = Some(job.camera.sensor.geometry);
-    let noisy = Reader::open(&outcome.noisy.path, Some(layout), geometry)?;
-    let clean = outcome.clean.as_ref().map(|c| Reader::open(&c.path, Some(layout), geometry)).transpose()?;
+    let written = Opening { layout: Some(layout), geometry, ..Opening::default() };
+    let noisy = written.open_written(&outcome.noisy.path)?;
+    let clean = outcome.clean.as_ref().map(|c| written.open_written(&c.path)).transpose()?;
     // No pixel fires more than once a readout, however bright.
     let full = job.camera.sensor.thresholds_at_full_scale.clamp(1e-6, 1.0) as f32;
     let sheet = picture::sheet(&outcome.glance, &noisy, clean.as_ref(), full)?;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::formats::{EVENTS, Finished, Layout, Reader, StreamWriter, convert, write_events};
+use crate::formats::{EVENTS, Finished, Layout, Opening, Reader, StreamWriter, convert, write_events};
 use crate::report::with_known;
 use crate::simulate::{Sidecar, StreamFacts, Written};
 use crate::{Error, Geometry, Kind, Result};
@@ -165,6 +165,7 @@ fn say(args: &Args, form: Form, (readouts, geometry): (usize, Geometry), bytes: 
 
 /// Spikes of what was written: reading it back also shows that it reads back.
 fn count(path: &Path, layout: Layout, geometry: Geometry) -> Result<u64> {
-    let reader = Reader::open(path, Some(layout), Some(geometry))?;
+    let written = Opening { layout: Some(layout), geometry: Some(geometry), ..Opening::default() };
+    let reader = written.open_written(path)?;
     spikes_in(&reader, 0..reader.readouts())
 }
