@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use crate::error::{Error, Kind, Result};
+use crate::formats::writer::own_sidecar;
 use crate::formats::{EVENTS, Layout};
 use crate::spikes::Geometry;
 
@@ -47,27 +48,12 @@ pub(super) fn beside(path: &Path) -> Result<Facts> {
 /// the clean twin `STEM.clean.dat` shares that with `STEM.dat`.
 #[must_use]
 pub fn candidates(path: &Path) -> Vec<PathBuf> {
-    let mut found = vec![of_whole_name(path), path.with_extension("json")];
+    let mut found = vec![own_sidecar(path), path.with_extension("json")];
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
     if let Some(stem) = stem.strip_suffix(".clean") {
         found.push(path.with_file_name(format!("{stem}.json")));
     }
     found
-}
-
-fn of_whole_name(path: &Path) -> PathBuf {
-    let mut whole = path.as_os_str().to_os_string();
-    whole.push(".json");
-    PathBuf::from(whole)
-}
-
-/// Removes the sidecar `STEM.dat.json` of a stream that was replaced: it speaks of that one alone, and is the first to be asked.
-pub(super) fn forget(path: &Path) -> Result<()> {
-    let sidecar = of_whole_name(path);
-    match std::fs::remove_file(&sidecar) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(sidecar.display(), e)),
-        _ => Ok(()),
-    }
 }
 
 fn read(path: &Path, bytes: u64, stream: &Path) -> Result<Facts> {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::error::{Error, Kind, Result};
-use crate::formats::{Codec, Layout, sidecar};
+use crate::formats::{Codec, Layout};
 use crate::spikes::Geometry;
 use crate::storage::{Digest, Writer};
 
@@ -220,7 +220,23 @@ impl StreamWriter {
                 .expected(format_args!("{} before the end", self.readouts)));
         }
         let done = self.writer.finish()?;
-        sidecar::forget(&done.path)?;
+        forget_sidecar(&done.path)?;
         Ok(Finished { path: done.path, bytes: done.bytes, digest: self.digest.text(), sync: done.sync })
+    }
+}
+
+/// `STEM.dat.json`, which speaks of the stream of that name alone and is the first to be asked.
+pub(super) fn own_sidecar(path: &Path) -> PathBuf {
+    let mut whole = path.as_os_str().to_os_string();
+    whole.push(".json");
+    PathBuf::from(whole)
+}
+
+/// Removes what speaks of a stream that was replaced.
+fn forget_sidecar(path: &Path) -> Result<()> {
+    let sidecar = own_sidecar(path);
+    match std::fs::remove_file(&sidecar) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(sidecar.display(), e)),
+        _ => Ok(()),
     }
 }

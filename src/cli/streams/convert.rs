@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::formats::{EVENTS, Finished, Layout, Opening, Reader, StreamWriter, convert, write_events};
+use crate::formats::{EVENTS, Finished, Layout, Opening, StreamWriter, convert, write_events};
 use crate::report::with_known;
 use crate::simulate::{Sidecar, StreamFacts, Written};
 use crate::{Error, Geometry, Kind, Result};
