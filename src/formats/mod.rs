@@ -41,6 +41,8 @@ pub use readings::{Reading, Readings};
 pub use sidecar::candidates as sidecar_paths;
 #[cfg(not(feature = "internals"))]
 pub(crate) use sidecar::candidates as sidecar_paths;
+#[cfg(feature = "cli")]
+pub(crate) use writer::own_sidecar;
 pub use writer::{Finished, StreamWriter};
 
 pub use crate::spikes::Crop;

@@ -100,6 +100,7 @@ impl Opening {
     ///
     /// # Errors
     /// As [`open`](Self::open).
+    #[cfg(feature = "cli")]
     pub(crate) fn open_written(&self, path: &Path) -> Result<Reader> {
         let (facts, above) = (Facts::default(), None);
         let source = Source::Map(Map::open(path)?);

@@ -27,6 +27,8 @@ pub struct StreamWriter {
     readouts: u64,
     written: u64,
     growing: bool,
+    /// What was there may be overwritten.
+    replaces: bool,
 }
 
 /// A stream that is safe on the disk.
@@ -87,7 +89,7 @@ impl StreamWriter {
         let mut digest = Digest::new();
         digest.update(&header);
         let start = header.len() as u64;
-        Ok(Self { writer, codec, digest, start, readouts, written: 0, growing: false })
+        Ok(Self { writer, codec, digest, start, readouts, written: 0, growing: false, replaces: force })
     }
 
     /// Begins a stream that will be called `path` and ends wherever [`finish`](Self::finish)
@@ -220,13 +222,15 @@ impl StreamWriter {
                 .expected(format_args!("{} before the end", self.readouts)));
         }
         let done = self.writer.finish()?;
-        forget_sidecar(&done.path)?;
+        if self.replaces {
+            forget_sidecar(&done.path)?;
+        }
         Ok(Finished { path: done.path, bytes: done.bytes, digest: self.digest.text(), sync: done.sync })
     }
 }
 
 /// `STEM.dat.json`, which speaks of the stream of that name alone and is the first to be asked.
-pub(super) fn own_sidecar(path: &Path) -> PathBuf {
+pub(crate) fn own_sidecar(path: &Path) -> PathBuf {
     let mut whole = path.as_os_str().to_os_string();
     whole.push(".json");
     PathBuf::from(whole)

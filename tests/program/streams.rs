@@ -33,6 +33,10 @@ fn a_stream_that_is_replaced_leaves_no_sidecar_that_speaks_of_it() {
     place.good("simulate --source chart --readouts 50 -o o --force");
     place.good("verify o.dat");
     assert!(!place.path("o.dat.json").exists());
+    // Without leave to overwrite, a file that is no stream stays as it is.
+    place.write("d.dat.json", "of somebody");
+    place.good("simulate --source chart --readouts 40 -o d");
+    assert_eq!(place.read("d.dat.json"), b"of somebody");
     place.good("simulate --source chart --readouts 60 -o c");
     place.good("convert c.dat o.dat --force");
     place.good("verify o.dat");

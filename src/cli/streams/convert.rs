@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::formats::{EVENTS, Finished, Layout, Opening, StreamWriter, convert, write_events};
+use crate::formats::{EVENTS, Finished, Layout, Opening, StreamWriter, convert, own_sidecar, write_events};
 use crate::report::with_known;
 use crate::simulate::{Sidecar, StreamFacts, Written};
 use crate::{Error, Geometry, Kind, Result};
@@ -69,9 +69,7 @@ impl Args {
     }
 
     fn sidecar(&self) -> PathBuf {
-        let mut name = self.output.as_os_str().to_os_string();
-        name.push(".json");
-        PathBuf::from(name)
+        own_sidecar(&self.output)
     }
 }
 

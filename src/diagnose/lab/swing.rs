@@ -57,6 +57,9 @@ pub(super) fn swings(setup: &Setup, scans: &[Scan]) -> Vec<(Option<usize>, Fault
 fn swing(scan: &Scan) -> Option<(f64, f64)> {
     let power = power(&scan.totals);
     let (place, ratio) = line(&power, scan.totals.len());
+    if ratio.is_nan() || ratio <= PLAIN {
+        return None;
+    }
     let n = scan.totals.len() as f64;
     let mean = scan.totals.iter().map(|c| f64::from(*c)).sum::<f64>() / n.max(1.0);
     let at = power.get((place * n).round() as usize)?;
@@ -68,7 +71,7 @@ fn swing(scan: &Scan) -> Option<(f64, f64)> {
     }
     // A swing of depth m has |F| = m mean n / 2, and the power is |F|^2 / (n mean).
     let depth = (4.0 * at / (n * mean)).sqrt();
-    (ratio > PLAIN && depth.is_finite()).then_some((place, depth))
+    depth.is_finite().then_some((place, depth))
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! Correlation of a pattern with its neighbours, free of what the high-pass does to it.
 
-use super::{Correlations, high_pass, map_correlations};
+use super::{BOX, Correlations, high_pass, map_correlations};
 use crate::measure::Estimate;
 
 /// Half a side of the high-pass's box.
-const RADIUS: isize = 2;
+const RADIUS: isize = BOX as isize;
 
 /// Neighbours that pairs are formed with: rows down, columns to the right.
 const SHIFTS: [(isize, isize); 4] = [(0, 1), (1, 0), (1, 1), (1, -1)];

@@ -57,9 +57,9 @@ impl Lampward {
         let list = self.columns.at(place)?;
         let distance = to.length();
         let ray = Ray::new(from.into(), (to / distance).into(), 0.0, distance - POST_M);
-        let near =
+        let mut near =
             list.iter().map(|&i| &self.triangles[i as usize]).take_while(|(least, _)| *least < distance);
-        Some(near.into_iter().any(|(_, t)| t.intersect(&ray) < ray.tmax))
+        Some(near.any(|(_, t)| t.intersect(&ray) < ray.tmax))
     }
 }
 
