@@ -18,7 +18,9 @@ pub(crate) use steady::steady;
 
 pub use areas::Area;
 pub use grey::{CameraDistance, Floor, GreyComparison, grey_levels};
-pub use realism::{Auc, Numbers, Part, Realism, RealismOptions, RealismRow, Tell, Window, realism};
+pub use realism::{
+    Auc, Numbers, Part, Realism, RealismOptions, RealismRow, Tell, Window, realism, still_pixels,
+};
 pub use row::SceneRow;
 pub use scene::{SceneComparison, static_scene};
 

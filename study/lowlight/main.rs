@@ -1,15 +1,17 @@
 //! Which law of noise a recording at low light has: every law is simulated through the recording's own window and lines.
 //!
 //! `cargo run --release --example study-lowlight -- RECORDING [--seeds N]` prints a table of laws with their numbers, intervals
-//! and likelihoods. A pixel fires a few times in such a recording, so that the variance about its own line hides most of the noise: the same
-//! is measured of simulated twins, whose pixels have the rate that neighbours share. Statistics are D(1) to D(3) about the line, in
-//! thresholds squared, in classes of rate; their errors are those of places of the recording and of seeds, taken for independent.
+//! and likelihoods. A pixel fires a few times in such a recording, and those that fire thrice are not like the others: the same is measured
+//! of simulated twins, whose pixels have the rate that neighbours share. Statistics are variances of second differences of spike times, in
+//! thresholds squared, in classes of rate; their errors are those of places of the recording and of seeds, taken for independent. Pixels around which
+//! something moves are left out, by the rule of `compare --realism`; before, a table says what they would add, and how a grain that moves shows.
 
 mod lines;
 
 use std::path::PathBuf;
 
 use lines::{CLASSES, LAGS, Measured, Recording};
+use spikelane::compare::still_pixels;
 use spikelane::effects::find;
 use spikelane::formats::Reader;
 use spikelane::simulate::FrameRef;
@@ -23,20 +25,37 @@ struct Law {
     name: &'static str,
     /// Whether a number is there for noise of the light's quanta, of spikes, and of readouts.
     has: [bool; 3],
+    /// Whether the light's quanta flow in over the twelve readouts that the static recording of such a camera tells.
+    slow: bool,
 }
 
-const LAWS: [Law; 6] = [
-    Law { name: "none", has: [false, false, false] },
-    Law { name: "quanta of light", has: [true, false, false] },
-    Law { name: "spikes (threshold frozen at resets)", has: [false, true, false] },
-    Law { name: "readouts (quanta of the dark)", has: [false, false, true] },
-    Law { name: "quanta of light and readouts", has: [true, false, true] },
-    Law { name: "spikes and readouts", has: [false, true, true] },
+const LAWS: [Law; 7] = [
+    Law { name: "none", has: [false, false, false], slow: false },
+    Law { name: "quanta of light", has: [true, false, false], slow: false },
+    Law { name: "quanta of light, over 12 readouts", has: [true, false, false], slow: true },
+    Law { name: "spikes (threshold frozen at resets)", has: [false, true, false], slow: false },
+    Law { name: "readouts (quanta of the dark)", has: [false, false, true], slow: false },
+    Law { name: "quanta of light and readouts", has: [true, false, true], slow: false },
+    Law { name: "spikes and readouts", has: [false, true, true], slow: false },
 ];
 
 /// Variances that are tried, in thresholds squared: of an interval's quanta, of a spike, and of a hundred readouts.
 const GRID: [f64; 13] =
-    [0.0, 0.0005, 0.001, 0.0015, 0.0025, 0.004, 0.006, 0.008, 0.0095, 0.0115, 0.0135, 0.016, 0.022];
+    [0.0, 1e-5, 2e-5, 3e-5, 4e-5, 4.5e-5, 5e-5, 5.5e-5, 6e-5, 7e-5, 8.5e-5, 1.2e-4, 1.8e-4];
+
+/// Rows and columns of a part of the picture.
+type Area = (&'static str, [usize; 4]);
+
+/// Parts that a table of shifts is made of.
+const SHIFTS: [Area; 3] = [
+    ("sky", [32, 60, 60, 200]),
+    ("ground, left", [155, 185, 30, 110]),
+    ("ground, middle", [160, 185, 120, 180]),
+];
+
+/// Parts that nothing moves in and that have no grain: the bright sky and the dark border.
+const STILL: [Area; 3] =
+    [("sky", [32, 60, 60, 200]), ("sky, left", [30, 50, 25, 60]), ("border, left", [30, 180, 1, 13])];
 
 fn main() {
     let (mut file, mut seeds) = (None, 6_u64);
@@ -53,26 +72,51 @@ fn main() {
     reader.read_frames(0, &mut bytes).unwrap_or_else(|e| panic!("{e}"));
     let real = Recording::new(Packed::new(reader.geometry(), &bytes).unwrap(), reader.readouts());
     let shared = real.shared();
-    let own = real.measure(&shared);
-    println!("{}", table(&own));
+    let used = still_pixels(&reader, reader.readouts()).unwrap_or_else(|e| panic!("{e}"));
+    println!("{}", shifts(&real));
+    println!("All pixels:\n\n{}", table(&real.measure(&shared, &vec![true; used.len()])));
+    let told = |used: &[bool]| used.iter().filter(|u| **u).count();
     println!(
-        "| law | numbers | electrons a threshold | per spike, 1e-3 | per 100 readouts, 1e-3 | ln likelihood |"
+        "The {} around which no motion is told:\n\n{}",
+        told(&used),
+        table(&real.measure(&shared, &used))
+    );
+    let used = without_grain(&used, reader.geometry());
+    let own = real.measure(&shared, &used);
+    println!("Of these the {} of the sky and of the left border:\n\n{}", told(&used), table(&own));
+    println!(
+        "| law | numbers | electrons a threshold | per spike, 1e-5 | per 100 readouts, 1e-5 | ln likelihood |"
     );
     println!("|---|--:|---|---|---|--:|");
     for law in &LAWS {
-        println!("{}", row(law, &own, &shared, reader.readouts(), seeds));
+        println!("{}", row(law, &own, (&shared, &used), reader.readouts(), seeds));
     }
 }
 
+/// Pixels of the parts that have no grain.
+fn without_grain(used: &[bool], geometry: Geometry) -> Vec<bool> {
+    let within = |p: usize| {
+        let (row, column) = (p / geometry.width(), p % geometry.width());
+        let holds = |[top, bottom, left, right]: [usize; 4]| {
+            (top..bottom).contains(&row) && (left..right).contains(&column)
+        };
+        STILL.iter().any(|(_, area)| holds(*area))
+    };
+    used.iter().enumerate().map(|(p, used)| *used && within(p)).collect()
+}
+
 /// The best numbers of a law, and the range of each within which the likelihood, at its best in the others, falls by 1.92 (95 %).
-fn row(law: &Law, own: &Measured, shared: &[f64], readouts: usize, seeds: u64) -> String {
+fn row(law: &Law, own: &Measured, pixels: (&[f64], &[bool]), readouts: usize, seeds: u64) -> String {
     let tried = |has: bool| if has { GRID.to_vec() } else { vec![0.0] };
     let mut found: Vec<([f64; 3], f64)> = Vec::new();
     for light in tried(law.has[0]) {
         for spike in tried(law.has[1]) {
             for readout in tried(law.has[2]) {
                 let values = [light, spike, readout];
-                found.push((values, own.likelihood(&twins(values, own.geometry, shared, readouts, seeds))));
+                found.push((
+                    values,
+                    own.likelihood(&twins(&camera(values, law.slow, own.geometry), pixels, readouts, seeds)),
+                ));
             }
         }
     }
@@ -86,7 +130,7 @@ fn row(law: &Law, own: &Measured, shared: &[f64], readouts: usize, seeds: u64) -
             return String::new();
         }
         let (low, high) = range(i);
-        format!("{:.1} ({:.1} to {:.1})", 1e3 * best.0[i], 1e3 * low, 1e3 * high)
+        format!("{:.1} ({:.1} to {:.1})", 1e5 * best.0[i], 1e5 * low, 1e5 * high)
     };
     let (low, high) = range(0);
     let electrons = if law.has[0] { electrons(best.0[0], low, high) } else { String::new() };
@@ -103,7 +147,7 @@ fn electrons(best: f64, low: f64, high: f64) -> String {
 }
 
 /// A camera with variances of an interval's quanta, of a spike, and of a hundred readouts.
-fn camera([light, spike, readout]: [f64; 3], geometry: Geometry) -> Camera {
+fn camera([light, spike, readout]: [f64; 3], slow: bool, geometry: Geometry) -> Camera {
     let mut sensor = Sensor::new(8, 8, 20_000.0).unwrap();
     sensor.geometry = geometry;
     let (swing, electrons) = (sensor.swing_v, spikelane::effects::Circuit::nominal(&sensor).electrons());
@@ -115,6 +159,9 @@ fn camera([light, spike, readout]: [f64; 3], geometry: Geometry) -> Camera {
     ));
     if light > 0.0 {
         camera = camera.with(with("shot_noise", "strength", light * electrons));
+    }
+    if light > 0.0 && slow {
+        camera = camera.with(with("correlated_shot_noise", "time_constant", 12.0));
     }
     if spike > 0.0 {
         camera = camera.with(with("thermal_noise", "sigma", spike.sqrt() * swing));
@@ -133,15 +180,15 @@ fn camera([light, spike, readout]: [f64; 3], geometry: Geometry) -> Camera {
 }
 
 /// The recording's light seen by such cameras: the same window, lines and classes.
-fn twins(values: [f64; 3], geometry: Geometry, shared: &[f64], readouts: usize, seeds: u64) -> Vec<Measured> {
-    let camera = camera(values, geometry);
+fn twins(camera: &Camera, (shared, used): (&[f64], &[bool]), readouts: usize, seeds: u64) -> Vec<Measured> {
+    let geometry = camera.sensor.geometry;
     let lit = |rate: &f64| {
         let light = camera.operating(*rate).light;
         // A pixel that shares no rate stays dark.
         if light.is_finite() { light.clamp(0.0, 1.0) as f32 } else { 0.0 }
     };
     let light: Vec<f32> = shared.iter().map(lit).collect();
-    let plan = Plan::new(&camera, Seeds::default()).unwrap_or_else(|e| panic!("{e}"));
+    let plan = Plan::new(camera, Seeds::default()).unwrap_or_else(|e| panic!("{e}"));
     let bytes = geometry.frame_bytes();
     let one = |seed: u64| {
         let seeds = Seeds { shot: seed + 1, ..Seeds::default() };
@@ -149,17 +196,32 @@ fn twins(values: [f64; 3], geometry: Geometry, shared: &[f64], readouts: usize, 
         simulator.push(FrameRef::f32(&light, geometry), &mut vec![0; LEAD * bytes]).unwrap();
         let mut packed = vec![0; readouts * bytes];
         simulator.push(FrameRef::f32(&light, geometry), &mut packed).unwrap();
-        Recording::new(Packed::new(geometry, &packed).unwrap(), readouts).measure(shared)
+        Recording::new(Packed::new(geometry, &packed).unwrap(), readouts).measure(shared, used)
     };
     (0..seeds).map(one).collect()
 }
 
 fn table(own: &Measured) -> String {
-    let mut text = String::from("| rate | places | D(1) | D(2) | D(3) |\n|---|--:|---|---|---|\n");
+    let mut text = String::from("| rate | places | over 1 interval | over 2 |\n|---|--:|---|---|\n");
     for (c, class) in CLASSES.windows(2).enumerate().filter(|(c, _)| own.places[*c] > 4) {
-        let cells: Vec<String> =
-            (0..LAGS).map(|n| format!("{:.4} ± {:.4}", own.mean[c][n], own.error[c][n])).collect();
+        let cells: Vec<String> = (0..LAGS).map(|n| variance(own.mean[c][n], own.error[c][n])).collect();
         text += &format!("| {} to {} | {} | {} |\n", class[0], class[1], own.places[c], cells.join(" | "));
+    }
+    text
+}
+
+fn variance(mean: f64, error: f64) -> String {
+    if mean.is_finite() { format!("{:.2} ± {:.2}", 1e3 * mean, 1e3 * error) } else { "too few".to_owned() }
+}
+
+/// How pixels below share a pixel's change from its first interval to its last.
+fn shifts(real: &Recording) -> String {
+    let mut text = String::from("| rows below | 1 | 2 | 3 | 4 |\n|---|--:|--:|--:|--:|\n");
+    for (name, [top, bottom, left, right]) in SHIFTS {
+        let cells: Vec<String> = (1..=4)
+            .map(|down| format!("{:.2}", real.shared_change(top..bottom, left..right, down)))
+            .collect();
+        text += &format!("| {name} | {} |\n", cells.join(" | "));
     }
     text
 }

@@ -25,7 +25,10 @@ from spikelane.torch import SpikeClips
 
 READOUTS, CROP, BATCH = 41, 64, 16
 HEIGHT, WIDTH = 160, 256
-PRESETS = ("ideal", "neuspike", "physical", "scsim-code", "vidar-measured", "vidar-lowlight")
+DISTRIBUTION = "distribution"
+"""Teacher of a camera of its own for every clip, `spikelane.CameraDistribution()`."""
+
+TEACHERS = ("ideal", "neuspike", "physical", "scsim-code", "vidar-measured", "vidar-lowlight", DISTRIBUTION)
 START, END = "<!-- networks: begin -->", "<!-- networks: end -->"
 
 
@@ -72,8 +75,11 @@ class Net(nn.Module):
 
 
 def loader(clips: NDArray[np.float32], preset: str, seed: int, workers: int) -> tuple[SpikeClips, DataLoader[Any]]:
-    # Without a range in it every item draws the same camera, with a fixed pattern of its own.
-    cameras = sl.CameraDistribution(sl.Camera.preset(preset).to_toml().partition("[maps]")[0])
+    if preset == DISTRIBUTION:
+        cameras = sl.CameraDistribution()
+    else:
+        # Without a range in it every item draws the same camera, with a fixed pattern of its own.
+        cameras = sl.CameraDistribution(sl.Camera.preset(preset).to_toml().partition("[maps]")[0])
     data = SpikeClips(clips, cameras, 10, crop=(CROP, CROP), seed=seed, readouts=READOUTS)
     lasting = workers > 0
     return data, DataLoader(
@@ -219,7 +225,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=1500)
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--workers", type=int, default=14)
-    parser.add_argument("--presets", nargs="*", default=PRESETS)
+    parser.add_argument("--presets", nargs="*", default=TEACHERS)
     parser.add_argument("--markdown", type=Path)
     arguments = parser.parse_args()
     lines = table(arguments)

@@ -89,6 +89,34 @@ light = 0.5
     assert_eq!(RecordingSet::parse(&set.to_toml().unwrap(), PathBuf::new()).unwrap(), set);
 }
 
+/// Labs keep recordings as arrays, top row first.
+#[test]
+fn an_array_of_bits_is_a_recording_without_a_layout() {
+    let (folder, path) = record(&flats(&[0.1], 64));
+    let set = RecordingSet::open(&path).unwrap();
+    let own = set.reader(&set.recordings[0]).unwrap();
+    let (pixels, mut array) = (own.geometry().pixels(), b"\x93NUMPY\x01\x00".to_vec());
+    let head = "{'descr': '|u1', 'fortran_order': False, 'shape': (64, 32, 48), }";
+    array.extend(118_u16.to_le_bytes());
+    array.extend(format!("{head:<117}\n").as_bytes());
+    let (mut packed, mut bits) = (vec![0; pixels / 8], vec![0; pixels]);
+    for t in 0..64 {
+        own.read_frames(t, &mut packed).unwrap();
+        spikelane::spikes::unpack(own.geometry(), &packed, &mut bits).unwrap();
+        array.extend_from_slice(&bits);
+    }
+    std::fs::write(folder.path().join("flat.npy"), array).unwrap();
+    let text = std::fs::read_to_string(&path).unwrap().replace(&set.recordings[0].file, "flat.npy");
+    let arrays = RecordingSet::parse(&text, folder.path().to_owned()).unwrap();
+    let found = arrays.reader(&arrays.recordings[0]).unwrap();
+    let all = |reader: &Reader| {
+        let mut bytes = vec![0; 64 * pixels / 8];
+        reader.read_frames(0, &mut bytes).unwrap();
+        bytes
+    };
+    assert!(all(&found) == all(&own), "another stream");
+}
+
 #[test]
 fn texts_that_describe_no_set_are_refused() {
     let head = "width = 8\nheight = 8\nreadout_hz = 20000\n";

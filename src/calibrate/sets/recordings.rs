@@ -157,7 +157,7 @@ pub struct RecordingSet {
     pub height: u32,
     /// Readouts per second.
     pub readout_hz: f64,
-    /// Layout of the files, `dat` when absent; see [`Layout`].
+    /// Layout of the files; when absent that of the file's sidecar or array header, else `dat`. See [`Layout`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub layout: Option<String>,
     /// Relative uncertainty of the light levels, 0.01 when absent.
@@ -234,8 +234,8 @@ impl RecordingSet {
     /// See [`Reader::open`].
     pub fn reader(&self, recording: &Recording) -> Result<Reader> {
         let name = recording.layout.as_ref().or(self.layout.as_ref());
-        let layout = name.map_or(Ok(Layout::Dat), |n| Layout::parse(n))?;
-        Reader::open(&self.folder.join(&recording.file), Some(layout), Some(self.geometry()?))
+        let layout = name.map(|n| Layout::parse(n)).transpose()?;
+        Reader::open(&self.folder.join(&recording.file), layout, Some(self.geometry()?))
     }
 
     fn check(&self) -> Result<()> {

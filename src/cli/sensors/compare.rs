@@ -47,6 +47,9 @@ pub(crate) struct Args {
     /// With --realism: only rows from FROM up to TO of the upright picture
     #[arg(long, value_name = "FROM..TO", requires = "realism", value_parser = rows)]
     rows: Option<std::ops::Range<usize>>,
+    /// With --realism: simulated light drifts as the recording's does around every pixel
+    #[arg(long, requires = "realism")]
+    drifting: bool,
     /// With --realism: recordings simulated by each camera
     #[arg(long, value_name = "N", default_value_t = 10, requires = "realism",
           value_parser = clap::value_parser!(u16).range(2..))]
@@ -185,6 +188,7 @@ fn windows(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<F
         simulated: usize::from(args.simulated),
         longest: args.longest,
         rows: args.rows.clone(),
+        drifting: args.drifting,
         seeds,
         dark: args.dark.as_deref().map(dark_map).transpose()?,
     };

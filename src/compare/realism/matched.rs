@@ -15,6 +15,8 @@ use crate::spikes::Geometry;
 pub(super) struct Matched<'a> {
     camera: Camera,
     lines: &'a [Line],
+    /// Relative change of the light around each pixel, from half to half.
+    drift: &'a [f64],
     geometry: Geometry,
     readouts: usize,
     /// By what all light is multiplied, once, so that mean rates agree.
@@ -23,10 +25,16 @@ pub(super) struct Matched<'a> {
 
 impl<'a> Matched<'a> {
     /// Finds the scale: rates about the light of one simulation.
-    pub(super) fn new(camera: &Camera, lines: &'a [Line], real: &Times, seeds: Seeds) -> Result<Self> {
+    pub(super) fn new(
+        camera: &Camera,
+        lines: &'a [Line],
+        drift: &'a [f64],
+        real: &Times,
+        seeds: Seeds,
+    ) -> Result<Self> {
         let camera = without_pattern(camera, real.geometry)?;
         let mut matched =
-            Self { camera, lines, geometry: real.geometry, readouts: real.readouts, scale: 1.0 };
+            Self { camera, lines, drift, geometry: real.geometry, readouts: real.readouts, scale: 1.0 };
         let found = matched.simulate(seeds)?;
         let spikes = |times: &Times| -> usize {
             (0..lines.len()).filter(|p| lines[*p].rate.is_finite()).map(|p| times.of_pixel(p).len()).sum()
@@ -38,20 +46,26 @@ impl<'a> Matched<'a> {
     /// One recording by the camera. Every rate is dithered by its own error: without it pixels sit on exact periods.
     pub(super) fn simulate(&self, seeds: Seeds) -> Result<Times> {
         let dither = Pattern::new(seeds, Stream::named("realism dither")).normals();
-        let light = |(line, by): (&Line, f64)| {
-            let rate = line.rate + line.error * by;
-            let light = self.camera.operating(rate).light * self.scale;
-            // A pixel without a rate stays dark.
-            if light.is_finite() { light.clamp(0.0, 1.0) as f32 } else { 0.0 }
+        let rates: Vec<f64> =
+            self.lines.iter().zip(dither).map(|(line, by)| line.rate + line.error * by).collect();
+        // Between the middles of the halves lies half of the time: the light goes from one drift below its mean to one above it.
+        let light = |end: f64| -> Vec<f32> {
+            let of = |(rate, drift): (&f64, &f64)| {
+                let light = self.camera.operating(rate * (1.0 + end * drift)).light * self.scale;
+                // A pixel without a rate stays dark.
+                if light.is_finite() { light.clamp(0.0, 1.0) as f32 } else { 0.0 }
+            };
+            rates.iter().zip(self.drift).map(of).collect()
         };
-        let samples: Vec<f32> = self.lines.iter().zip(dither).map(light).collect();
+        let (first, last) = (light(-1.0), light(1.0));
+        let [first, last] = [&first, &last].map(|samples| FrameRef::f32(samples, self.geometry));
         let mut simulator = Simulator::new(&self.camera, seeds)?;
-        let frame = FrameRef::f32(&samples, self.geometry);
         let bytes = self.geometry.frame_bytes();
         // Models that start with all pixels in step need time to lose it, as the real camera had.
-        simulator.push(frame, &mut vec![0; LEAD * bytes])?;
+        simulator.push(first, &mut vec![0; LEAD * bytes])?;
         let mut packed = vec![0; self.readouts * bytes];
-        simulator.push(frame, &mut packed)?;
+        let weights: Vec<f32> = (0..self.readouts).map(|t| t as f32 / self.readouts as f32).collect();
+        simulator.push_between(first, last, &weights, &mut packed)?;
         Times::of_packed(self.geometry, &packed)
     }
 

@@ -5,6 +5,7 @@
 
 mod discriminator;
 mod matched;
+mod motion;
 mod numbers;
 mod page;
 mod times;
@@ -15,6 +16,8 @@ use serde::Serialize;
 pub use discriminator::Auc;
 use discriminator::{Seen, auc, scores};
 use matched::Matched;
+use motion::Motion;
+pub use motion::still_pixels;
 pub use numbers::Numbers;
 use times::Times;
 pub use windows::Window;
@@ -42,6 +45,9 @@ pub struct RealismOptions {
     pub longest: usize,
     /// Rows of the upright picture, or all.
     pub rows: Option<std::ops::Range<usize>>,
+    /// Whether simulated light drifts as the recording's does in the mean of 11x11 pixels. Without it a camera answers for the scene's slow
+    /// changes; with it slow changes that a camera makes itself are the scene's.
+    pub drifting: bool,
     /// Seeds of the simulated cameras.
     pub seeds: Seeds,
     /// Rates of a real camera's pixels in the dark, in spikes per readout, to be listed beside those of the cameras.
@@ -51,7 +57,8 @@ pub struct RealismOptions {
 impl Default for RealismOptions {
     fn default() -> Self {
         let window = Window::default();
-        Self { window, simulated: 10, longest: 2000, rows: None, seeds: Seeds::default(), dark: None }
+        let (rows, dark, seeds) = (None, None, Seeds::default());
+        Self { window, simulated: 10, longest: 2000, rows, drifting: false, seeds, dark }
     }
 }
 
@@ -117,10 +124,18 @@ pub struct Realism {
     pub left_out: f64,
     /// Mean rate of the windows in spikes per readout.
     pub rate: f64,
+    /// Whether simulated light drifted as the recording's did.
+    pub drifting: bool,
     /// Cameras, the least easily told first.
     pub rows: Vec<RealismRow>,
     /// Numbers of the whole recording, then of each camera's.
     pub numbers: Vec<Numbers>,
+    /// Rate of every pixel that counts, in spikes per readout; NaN of those left out. Row by row from the top.
+    #[serde(skip)]
+    pub rates: Vec<f64>,
+    /// Pixels of a row.
+    #[serde(skip)]
+    pub width: usize,
     /// Every window, for a discriminator of your own: camera or `real`, place, row, rate, values.
     #[serde(skip)]
     pub features: String,
@@ -138,8 +153,10 @@ pub fn realism(
 ) -> Result<Realism> {
     let real = Times::of_reader(recording, options.longest)?;
     let lines = real.lines();
-    let still = real.still();
-    let used: Vec<bool> = still.iter().zip(&lines).map(|(s, l)| *s && l.rate.is_finite()).collect();
+    let motion = Motion::of(&real);
+    let used: Vec<bool> =
+        motion.still.iter().zip(&lines).map(|(still, line)| *still && line.rate.is_finite()).collect();
+    let drift = if options.drifting { motion.drift } else { vec![0.0; lines.len()] };
     let height = real.geometry.height();
     let rows = options.rows.clone().unwrap_or(0..height);
     let mean = mean_rate(&lines, &used);
@@ -158,8 +175,11 @@ pub fn realism(
         places,
         left_out: used.iter().filter(|u| !**u).count() as f64 / used.len() as f64,
         rate: own.iter().map(|s| s.rate).sum::<f64>() / own.len() as f64,
+        drifting: options.drifting,
         rows: Vec::new(),
         numbers: Vec::new(),
+        rates: lines.iter().zip(&used).map(|(line, used)| if *used { line.rate } else { f64::NAN }).collect(),
+        width: real.geometry.width(),
         features: head(&names),
     };
     add_features(&mut found.features, "real", &own);
@@ -172,7 +192,7 @@ pub fn realism(
     found.numbers.push(Numbers::of("real", std::slice::from_ref(&real), &counted, dark));
     for (i, camera) in cameras.iter().enumerate() {
         tell(&camera.name, i as f64 / cameras.len() as f64);
-        let matched = Matched::new(camera, &lines, &real, options.seeds)?;
+        let matched = Matched::new(camera, &lines, &drift, &real, options.seeds)?;
         let recordings = matched.recordings(options.simulated.max(2), options.seeds)?;
         let simulated: Vec<Vec<Sample>> =
             recordings.iter().map(|times| cutter.samples(times, &times.lines())).collect();

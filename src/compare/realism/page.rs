@@ -3,7 +3,7 @@
 use super::numbers::{LAGS, SHARES, variance};
 use super::{Auc, Realism, RealismRow};
 use crate::error::Result;
-use crate::report::{Part, Row, Table, page, ranked};
+use crate::report::{Part, Row, Table, heat_map, page, ranked};
 
 /// Values listed of each camera.
 const LISTED: usize = 6;
@@ -47,19 +47,22 @@ impl Realism {
         let mut parts = vec![
             Part::text(self.verdict()),
             Part::text(format!(
-                "{} windows of {side}x{side} pixels and {} readouts at {} places of the recording, mean rate {:.4} spikes per readout; {:.1} % of the pixels are left out, since something moved around them or they hardly fire. Every camera got the light that gives each pixel its measured rate, and none of its own fixed pattern.",
+                "{} windows of {side}x{side} pixels and {} readouts at {} places of the recording, mean rate {:.4} spikes per readout; {:.1} % of the pixels are left out, since something moved around them or they hardly fire. Every camera got the light that gives each pixel its measured rate{drifting}, and none of its own fixed pattern.",
                 self.windows,
                 self.window.readouts,
                 self.places,
                 self.rate,
                 100.0 * self.left_out,
                 side = self.window.side,
+                drifting = if self.drifting { ", drifting as that around it does" } else { "" },
             )),
             Part::Table(self.cameras()),
             Part::text(
                 "Told: chance that a real window scores above a simulated one, by a logistic regression that has not seen their place, with the interval of 95 % over places; 0.5 would be a camera that nobody tells from the real one. Floor: the same between recordings of one simulated camera.",
             ),
         ];
+        let still = heat_map(&self.rates, self.width, "spikes per readout")?;
+        parts.push(Part::figure(still, "Rates of the pixels that count; those that are left out are red."));
         parts.push(Part::heading("Whole recordings"));
         parts.push(Part::Table(self.whole()));
         for row in &self.rows {

@@ -1,6 +1,5 @@
 //! Spike times of every pixel, and the lines through them.
 
-use crate::compare::steady::steady;
 use crate::error::Result;
 use crate::formats::Reader;
 use crate::spikes::{Geometry, unpack};
@@ -67,15 +66,6 @@ impl Times {
 
     pub(super) fn lines(&self) -> Vec<Line> {
         (0..self.geometry.pixels()).map(|p| line(self.of_pixel(p))).collect()
-    }
-
-    /// Pixels around which nothing moved from half to half ([`steady`]).
-    pub(super) fn still(&self) -> Vec<bool> {
-        let half = self.readouts / 2;
-        let count = |from, to| -> Vec<f64> {
-            (0..self.geometry.pixels()).map(|p| self.within(p, from, to).len() as f64).collect()
-        };
-        steady(&count(0, half), &count(half, 2 * half), self.geometry.width())
     }
 }
 
