@@ -12,6 +12,7 @@ mod answer;
 mod events;
 mod fit;
 mod given;
+mod kept;
 mod lab;
 mod null;
 mod protocol;

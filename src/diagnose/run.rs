@@ -1,5 +1,6 @@
 //! A diagnosis from recordings to words.
 
+use std::path::Path;
 use std::time::Instant;
 
 use nalgebra::DVector;
@@ -15,6 +16,7 @@ use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::given::about::About;
 use crate::diagnose::given::base_model::BaseModel;
 use crate::diagnose::given::taken::{Both, Taken};
+use crate::diagnose::kept::folder::Kept;
 use crate::diagnose::null::first_look::{First, FirstLook};
 use crate::diagnose::null::reference::Reference;
 use crate::diagnose::null::signature::Signature;
@@ -44,6 +46,13 @@ pub struct Options<'a> {
     pub extent: Extent,
     /// The effects that are looked for; without them those of this library. A `reference` has its own.
     pub effects: Option<&'a Catalogue>,
+    /// A folder that keeps simulations, so that a further diagnosis with the same ones does not make them again: one of the same sets with
+    /// other words around it, or one that was stopped. It changes no number. Those of a `reference` are not kept.
+    ///
+    /// The same ones are those of the same protocol, camera, lamps and seed, to the bit, by the same program. Each is a file, which appears
+    /// whole, so that several processes may use one folder; one that is damaged is made again. Nothing is ever deleted: each build of a
+    /// program has a folder of its own in the given one, some megabytes for each diagnosis, which may be deleted when none runs.
+    pub cache: Option<&'a Path>,
 }
 
 /// Finds what the model lacks.
@@ -52,7 +61,8 @@ pub struct Options<'a> {
 /// cut in the middle.
 ///
 /// # Errors
-/// When a recording cannot be read, is too short, or the sets' protocols differ.
+/// When a recording cannot be read, is too short, or the sets' protocols differ, or the folder for simulations cannot be made or
+/// written to.
 pub fn diagnose(
     set: &RecordingSet,
     holdout: Option<&RecordingSet>,
@@ -79,11 +89,13 @@ pub fn diagnose_and_tell(
     let parts = if holdout.is_some() || alone { [Part::Whole; 2] } else { [Part::First, Part::Second] };
     let sets = [set, holdout.unwrap_or(set)];
     let held_out = Held { second_set: holdout.is_some(), alone };
+    let kept = options.cache.map(Kept::open).transpose()?;
     progress("reading", 0.0);
     let mut diagnosis = match options.reference {
         Some(reference) => shared(sets, parts, held_out, reference, options, progress)?,
-        None => by_itself(sets, parts, held_out, options, progress, first)?,
+        None => by_itself(sets, parts, held_out, options, kept.as_ref(), progress, first)?,
     };
+    diagnosis.cached = kept.map(|kept| [kept.found(), kept.made()]);
     diagnosis.seconds = start.elapsed().as_secs_f64();
     Ok(diagnosis)
 }
@@ -129,6 +141,7 @@ fn by_itself(
     parts: [Part; 2],
     held_out: Held,
     options: Options<'_>,
+    kept: Option<&Kept>,
     progress: Progress<'_>,
     first: &mut dyn FnMut(&FirstLook),
 ) -> Result<Diagnosis> {
@@ -158,7 +171,7 @@ fn by_itself(
     // The numbers of a camera file may be wrong; those of another camera stand for nothing.
     // Maps are all spread: what the base cannot hold would bend it.
     let moved = (options.camera.is_some() || base.is_guessed()) && !both.fitted.setup.maps;
-    let (reference, found) = given.sets().searched(&base.camera, moved, options, progress, first)?;
+    let (reference, found) = given.sets().searched(&base.camera, moved, options, kept, progress, first)?;
     let own = options.camera.map(|_| &base.camera);
     let mut diagnosis = given.said(&reference, found, own, progress)?;
     cautious(&mut diagnosis, &reference);
@@ -263,15 +276,16 @@ impl Sets<'_> {
         start: &Camera,
         moved: bool,
         options: Options<'_>,
+        kept: Option<&Kept>,
         progress: Progress<'_>,
         first: &mut dyn FnMut(&FirstLook),
     ) -> Result<(Reference, Found)> {
         let setup = self.taken.setup.clone();
         let begun = if moved {
             progress("own numbers", 0.02);
-            rebased(&setup, start, self.data, options.seed)?
+            rebased(&setup, start, self.data, options.seed, kept)?
         } else {
-            Begun::of(start.clone())
+            Begun::of(start.clone(), kept)
         };
         let library = Catalogue::new();
         let effects = options.effects.unwrap_or(&library);

@@ -1,5 +1,7 @@
 //! A camera: a sensor and its effects.
 
+use std::hash::{Hash as _, Hasher};
+
 use crate::draws::Seeds;
 use crate::error::{Error, Kind, Result};
 use crate::sensor::{FrontEnd, Sensor};
@@ -107,6 +109,22 @@ impl Camera {
             twin.sensor.swing_v += bias.values()[0];
         }
         twin
+    }
+
+    /// Everything that what it records depends on, to the bit. Its name and where its numbers come from are no part of that.
+    pub(crate) fn hash_exactly(&self, into: &mut impl Hasher) {
+        let Self { name: _, source: _, sensor, light, effects, maps, window } = self;
+        // Numbers are written with as many digits as tell them from every other one.
+        format!("{sensor:?} {light:?} {window:?}").hash(into);
+        let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
+        effects.len().hash(into);
+        for effect in effects {
+            (effect.name(), bits(effect.values())).hash(into);
+        }
+        let Maps { gain, dark_pa, capacitance_ff, swing_v } = maps;
+        for map in [gain, dark_pa, capacitance_ff, swing_v] {
+            map.as_deref().map(bits).hash(into);
+        }
     }
 
     /// The operating point of a nominal pixel whose mean increment is

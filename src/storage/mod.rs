@@ -40,6 +40,16 @@ pub fn write_small(path: &Path, bytes: &[u8], force: bool) -> Result<()> {
     partial.commit().map(drop)
 }
 
+/// Writes, or replaces, a small file that can be made again, such as one of thousands of intermediate results.
+///
+/// Readers see the old file or the whole new one, as long as the machine runs. It is not synced, which would take ten times as long
+/// as writing it: after a power failure it may be short or hold zeros, so that its reader has to check it.
+pub(crate) fn write_renewable(path: &Path, bytes: &[u8]) -> Result<()> {
+    let partial = partial::Partial::create(path, true)?;
+    partial.file().write_all(bytes).map_err(|e| Error::io(path.display(), e))?;
+    partial.commit_unsynced()
+}
+
 /// Whether `names` in `folder` may be written: asked before hours of work, not after.
 ///
 /// # Errors

@@ -60,10 +60,18 @@ impl Partial {
 
     /// Syncs the bytes, gives the file its name, and syncs the directory;
     /// returns the time all this took.
-    pub(super) fn commit(mut self) -> Result<Duration> {
+    pub(super) fn commit(self) -> Result<Duration> {
         let start = Instant::now();
         let named = |e: Error| e.within(self.path.display());
         steps::sync_file(&self.file, &self.hidden).map_err(named)?;
+        let folder = directory(&self.path).to_owned();
+        self.commit_unsynced()?;
+        steps::sync_folder(&folder)?;
+        Ok(start.elapsed())
+    }
+
+    /// Gives the file its name. What of it is on the disk after a power failure is the system's choice.
+    pub(super) fn commit_unsynced(mut self) -> Result<()> {
         if self.force {
             steps::rename(&self.hidden, &self.path)?;
         } else {
@@ -71,8 +79,7 @@ impl Partial {
             steps::renamed(&self.hidden, &self.path);
         }
         self.committed = true;
-        steps::sync_folder(directory(&self.path))?;
-        Ok(start.elapsed())
+        Ok(())
     }
 }
 

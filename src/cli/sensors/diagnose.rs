@@ -39,6 +39,10 @@ pub(crate) struct Args {
     /// pixel-readouts of each are, but 1,250 readouts and five half periods of a square wave at least.
     #[arg(long)]
     everything: bool,
+    /// Folder that keeps simulations, some megabytes a diagnosis: the same recordings, camera and seed again, after Ctrl-C
+    /// for one, take them from there, and the numbers are the same. Each version of the program has its own.
+    #[arg(long, value_name = "DIR")]
+    cache: Option<PathBuf>,
     /// Only print how strong each effect must be before this set can name it.
     #[arg(long)]
     nameable: bool,
@@ -67,8 +71,13 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let mut bar = Files::new(out);
     let line = bar.clone_of_bar();
     let mut progress = |what: &str, share: f64| bar.step(what, share);
-    let options =
-        DiagnoseOptions { camera: camera.as_ref(), seed: args.seed, extent, ..DiagnoseOptions::default() };
+    let options = DiagnoseOptions {
+        camera: camera.as_ref(),
+        seed: args.seed,
+        extent,
+        cache: args.cache.as_deref(),
+        ..DiagnoseOptions::default()
+    };
     if args.nameable {
         let found = strengths(&set, options, &mut progress)?;
         drop(bar);
@@ -84,6 +93,9 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     };
     let mut found = diagnose_and_tell(&set, holdout.as_ref(), options, &mut progress, &mut first)?;
     drop(bar);
+    if let Some([had, made]) = found.cached {
+        out.say(format_args!("simulations: {had} from the cache, {made} made"));
+    }
     if let Some(about) = &mut found.about {
         about.set = Some(args.recordings.display().to_string());
         about.command = Some(typed());

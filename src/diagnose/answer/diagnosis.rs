@@ -137,6 +137,9 @@ pub struct Diagnosis {
     pub not_testable: Vec<&'static str>,
     /// Seconds that it took.
     pub seconds: f64,
+    /// Simulations that the cache had, and those that were made; nothing without a cache. It stands in no file, as it is no part of the answer.
+    #[serde(skip)]
+    pub cached: Option<[usize; 2]>,
     /// Where the held-out data come from, and other remarks.
     pub notes: Vec<String>,
     /// The sets, the camera and the numbers that it began with; nothing of sets that share a reference.
@@ -163,6 +166,7 @@ impl Diagnosis {
             settle: Vec::new(),
             not_testable: Vec::new(),
             seconds: 0.0,
+            cached: None,
             notes: vec![
                 "Too few recordings are left to judge the camera: nothing was searched for.".to_owned(),
             ],

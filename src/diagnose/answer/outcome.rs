@@ -131,6 +131,7 @@ pub(in crate::diagnose) fn outcome(
         settle: settle(reference, &found.rounds),
         not_testable: reference.not_testable(),
         seconds: 0.0,
+        cached: None,
         camera,
         traces: traces(reference, found, data),
     })

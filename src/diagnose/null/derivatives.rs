@@ -11,6 +11,7 @@ use super::mean::average;
 use super::watched::count;
 use crate::diagnose::protocol::recorded_set::LAMP;
 use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::recording::scan::Scan;
 use crate::diagnose::sensors::base::number_of;
 use crate::diagnose::sensors::knob::Knob;
 use crate::diagnose::sensors::model::Model;
@@ -46,22 +47,35 @@ pub(in crate::diagnose) struct Drawn {
 /// Small, whatever the lamp's deviation is: the lattices of bright intervals turn back soon.
 const LAMP_STEP: f64 = 3.0;
 
-/// Of each lamp only its own recording is simulated again.
+/// Of each lamp only its own recording is simulated again, and none where all vectors were kept.
 pub(in crate::diagnose) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -> Result<Drawn> {
     let still = model.sample(&[], &[], setup.scenes.len())?;
     if model.lamps.is_empty() {
         let vector = DVector::from_vec(simulate::values(setup, &still, seed)?);
         return Ok(Drawn { vector, lamps: Vec::new() });
     }
-    let mut scans = simulate::scans(setup, &still, seed)?;
-    let plain = DVector::from_vec(vector(setup, &scans).values);
+    let mut scanned: Option<Vec<Scan>> = None;
+    let plain = simulate::kept_or(setup, &still, seed, || {
+        let scans = scanned.insert(simulate::scans(setup, &still, seed)?);
+        Ok(vector(setup, scans).values)
+    })?;
+    let plain = DVector::from_vec(plain);
     let mut lamps = Vec::new();
     for k in &model.lamps {
         let mut moved = still.clone();
         moved.lamps[*k] = 1.0 + LAMP_STEP * LAMP;
-        let own = std::mem::replace(&mut scans[*k], simulate::scan_of_recording(setup, &moved, *k, seed)?);
-        lamps.push((DVector::from_vec(vector(setup, &scans).values) - &plain) / LAMP_STEP);
-        scans[*k] = own;
+        let values = simulate::kept_or(setup, &moved, seed, || {
+            let scans = match &mut scanned {
+                Some(scans) => scans,
+                None => scanned.insert(simulate::scans(setup, &still, seed)?),
+            };
+            let own =
+                std::mem::replace(&mut scans[*k], simulate::scan_of_recording(setup, &moved, *k, seed)?);
+            let values = vector(setup, scans).values;
+            scans[*k] = own;
+            Ok(values)
+        })?;
+        lamps.push((DVector::from_vec(values) - &plain) / LAMP_STEP);
     }
     Ok(Drawn { vector: plain, lamps })
 }
@@ -133,5 +147,44 @@ impl Changes {
         };
         let columns: Vec<_> = self.0.iter().enumerate().map(column).collect();
         if columns.is_empty() { DMatrix::zeros(spread.len(), 0) } else { DMatrix::from_columns(&columns) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibrate::Light;
+    use crate::diagnose::protocol::recorded::Scene;
+    use crate::spikes::Geometry;
+
+    /// What is kept of a moved lamp is known by its sample alone, and must be that sample's vector.
+    #[test]
+    fn a_lamp_moves_its_own_recording_as_a_simulation_of_all_says() {
+        let scene = |light| Scene {
+            name: String::new(),
+            light: Light::Level(light),
+            readouts: 256,
+            skip: 0,
+            still: None,
+        };
+        let setup = Setup {
+            geometry: Geometry::new(16, 16).unwrap(),
+            readout_hz: 20_000.0,
+            scenes: [0.0, 0.1, 0.3, 0.6].map(scene).into(),
+            maps: false,
+            band: None,
+            first_readouts: None,
+            lamp: LAMP,
+        };
+        let model = Model::base(crate::presets::builtin("scsim-code").unwrap(), &setup);
+        let drawn = with_lamps(&setup, &model, 3).unwrap();
+        assert_eq!((model.lamps.as_slice(), drawn.lamps.len()), ([1, 2, 3].as_slice(), 3));
+        for (k, change) in model.lamps.iter().zip(&drawn.lamps) {
+            let mut moved = model.sample(&[], &[], 4).unwrap();
+            moved.lamps[*k] = 1.0 + LAMP_STEP * LAMP;
+            let values = DVector::from_vec(simulate::values(&setup, &moved, 3).unwrap());
+            assert_eq!(*change, (values - &drawn.vector) / LAMP_STEP);
+            assert!(change.amax() > 0.0, "recording {k}");
+        }
     }
 }

@@ -76,7 +76,7 @@ impl Reference {
         effects: &Catalogue,
         progress: Progress<'_>,
     ) -> Result<Self> {
-        Self::looked(setup, Begun::of(camera), seed, effects, None, progress)
+        Self::looked(setup, Begun::of(camera, None), seed, effects, None, progress)
     }
 
     /// The same; what was simulated of the camera already is not made again, and `first` is looked at as soon as may be.
@@ -88,7 +88,7 @@ impl Reference {
         first: Option<First<'_>>,
         progress: Progress<'_>,
     ) -> Result<Self> {
-        let model = Model::base(begun.camera.clone(), &setup);
+        let model = Model::base(begun.camera.clone(), &setup).keeping(begun.kept.as_ref());
         let (all, missing) = tried(&setup, &model, effects);
         let null = Simulated::of(&setup, &model, begun, seed, &all, first, progress)?;
         let Simulated { statistics, floors, baseline, mean, spread, jacobian, lamps, mut signed } = null;

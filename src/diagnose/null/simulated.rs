@@ -9,6 +9,7 @@ use super::mean::average;
 use super::redraw::REDRAWN;
 use super::signature::changed_by;
 use super::watched::{Progress, Stage, count, watched};
+use crate::diagnose::kept::folder::Kept;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::catalogue::Candidate;
 use crate::diagnose::sensors::model::Model;
@@ -34,11 +35,13 @@ pub(in crate::diagnose) struct Begun {
     pub camera: Camera,
     pub each: Vec<DVector<f64>>,
     pub changes: Changes,
+    /// Where vectors are kept.
+    pub kept: Option<Kept>,
 }
 
 impl Begun {
-    pub fn of(camera: Camera) -> Self {
-        Self { camera, each: Vec::new(), changes: Changes::default() }
+    pub fn of(camera: Camera, kept: Option<&Kept>) -> Self {
+        Self { camera, each: Vec::new(), changes: Changes::default(), kept: kept.cloned() }
     }
 }
 

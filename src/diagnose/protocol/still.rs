@@ -1,5 +1,7 @@
 //! A static scene of which only the rates are known.
 
+use std::hash::{Hash as _, Hasher};
+
 use crate::diagnose::recording::pixel::PixelScan;
 use crate::diagnose::recording::scan::{Look, Scan, scan};
 use crate::error::{Error, Kind, Result};
@@ -59,6 +61,13 @@ impl Still {
         let found = scan.motion(reader.readouts());
         let moved = found.moves.then_some(found.share);
         Ok(Self { rates, surface, even, mean, brightest, moved })
+    }
+
+    /// All of it, to the bit.
+    pub(in crate::diagnose) fn hash_exactly(&self, into: &mut impl Hasher) {
+        let Self { rates, surface, even, mean, brightest, moved } = self;
+        let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
+        (bits(rates), bits(surface), even, bits(&[*mean, *brightest]), moved.map(f64::to_bits)).hash(into);
     }
 
     /// Even pixels within a range of pixels.

@@ -5,6 +5,7 @@ use std::sync::atomic::AtomicUsize;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use crate::diagnose::kept::folder::Kept;
 use crate::diagnose::null::derivatives::{Changes, changes, pairs};
 use crate::diagnose::null::mean::average;
 use crate::diagnose::null::simulated::Begun;
@@ -51,9 +52,10 @@ pub(in crate::diagnose) fn rebased(
     camera: &Camera,
     data: &DVector<f64>,
     seed: u64,
+    kept: Option<&Kept>,
 ) -> Result<Begun> {
     let floors = floors(setup, camera, seed)?;
-    let of = |camera: Camera| Place::of(setup, camera, data, seed, &floors);
+    let of = |camera| Place::of(setup, Model::base(camera, setup).keeping(kept), data, seed, &floors);
     let mut best = of(camera.clone())?;
     let given = best.model.clone();
     let mut moved = best.changes(setup, seed)?;
@@ -83,7 +85,7 @@ pub(in crate::diagnose) fn rebased(
             derivatives = moved.jacobian(&best.model, &best.spread);
         }
     }
-    Ok(Begun { camera: best.model.camera, each: best.each, changes: moved })
+    Ok(Begun { camera: best.model.camera, each: best.each, changes: moved, kept: kept.cloned() })
 }
 
 /// What deviations are too small to matter.
@@ -93,8 +95,7 @@ fn floors(setup: &Setup, camera: &Camera, seed: u64) -> Result<Vec<f64>> {
 }
 
 impl Place {
-    fn of(setup: &Setup, camera: Camera, data: &DVector<f64>, seed: u64, floors: &[f64]) -> Result<Self> {
-        let model = Model::base(camera, setup);
+    fn of(setup: &Setup, model: Model, data: &DVector<f64>, seed: u64, floors: &[f64]) -> Result<Self> {
         let still = model.sample(&[], &[], setup.scenes.len())?;
         let one = |i: usize| Ok(DVector::from_vec(simulate::values(setup, &still, seed + i as u64)?));
         let count = MEAN.max(pairs(setup));

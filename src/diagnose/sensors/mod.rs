@@ -3,6 +3,7 @@
 pub(super) mod base;
 pub(super) mod catalogue;
 pub(super) mod fixed;
+pub(super) mod key;
 pub(super) mod knob;
 pub(super) mod model;
 pub(super) mod published;

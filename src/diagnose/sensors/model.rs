@@ -4,6 +4,7 @@ use super::base::{BASE, Number};
 use super::fixed::Pinned;
 use super::knob::Knob;
 use super::sample::Sample;
+use crate::diagnose::kept::folder::Kept;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::effects::Camera;
 use crate::effects::definition::Scale;
@@ -20,6 +21,8 @@ pub(in crate::diagnose) struct Model {
     pub lamp: f64,
     /// Lost and repeated readouts that are not left to chance.
     pub pinned: Pinned,
+    /// Where vectors of its samples are kept.
+    pub kept: Option<Kept>,
 }
 
 impl Model {
@@ -40,7 +43,13 @@ impl Model {
             lamp: setup.lamp,
             camera,
             pinned: Pinned::default(),
+            kept: None,
         }
+    }
+
+    /// The same, whose samples' vectors are looked for in `kept` and put there.
+    pub fn keeping(self, kept: Option<&Kept>) -> Self {
+        Self { kept: kept.cloned(), ..self }
     }
 
     /// Where the knobs stand in `camera`.
@@ -59,6 +68,6 @@ impl Model {
         for (k, off) in self.lamps.iter().zip(lamps) {
             factors[*k] = 1.0 + off;
         }
-        Ok(Sample { camera, lamps: factors, pinned: self.pinned.clone() })
+        Ok(Sample { camera, lamps: factors, pinned: self.pinned.clone(), kept: self.kept.clone() })
     }
 }

@@ -72,7 +72,12 @@ mod tests {
         let lost = |at: usize| Arc::new(Located(vec![[Some(vec![at]), None]]));
         let pinned =
             |at: usize| Pinned::new(&lost(at), [&crate::effects::dropped_readouts::EFFECT].into_iter());
-        let of = |camera: &Camera, pinned| Sample { camera: camera.clone(), lamps: Vec::new(), pinned };
+        let of = |camera: &Camera, pinned| Sample {
+            camera: camera.clone(),
+            lamps: Vec::new(),
+            pinned,
+            kept: None,
+        };
         let [plain, other] = [&camera, &other].map(|c| of(c, Pinned::default()));
         let [early, late] = [7, 8].map(|at| of(&camera, pinned(at)));
         let remembered = Remembered::default();

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use rayon::prelude::*;
 
 use super::fixed::replaced;
+use super::key::hash;
 use super::sample::Sample;
 use super::still;
 use crate::calibrate::{Light, Pattern};
@@ -49,8 +50,22 @@ pub(in crate::diagnose) fn scans(setup: &Setup, sample: &Sample, seed: u64) -> R
     scenes.map(scene).collect()
 }
 
+/// The vector.
 pub(in crate::diagnose) fn values(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vec<f64>> {
-    Ok(statistics_of(setup, sample, seed)?.values)
+    kept_or(setup, sample, seed, || Ok(statistics_of(setup, sample, seed)?.values))
+}
+
+/// The vector of `sample` as it was kept, or as `simulate` makes it.
+pub(in crate::diagnose) fn kept_or(
+    setup: &Setup,
+    sample: &Sample,
+    seed: u64,
+    simulate: impl FnOnce() -> Result<Vec<f64>>,
+) -> Result<Vec<f64>> {
+    match &sample.kept {
+        Some(kept) => kept.or(kept.key(|hasher| hash(setup, sample, seed, hasher)), simulate),
+        None => simulate(),
+    }
 }
 
 /// One recording of the simulated set.
