@@ -4,7 +4,7 @@
 //! [--attempt K] [--only ID] [--keep FOLDER] [--table FILE]` adds sensors to RECORDS, one a line, and leaves those alone that are there. The simulator of the truth is
 //! that of the tests and imports nothing from the library. Seeds are functions of a sensor's name and of the attempt. Clean sensors, single
 //! effects, doubles and what the catalogue does not hold come side by side. `--times [N]` prints how long clean, single and double
-//! sensors of 96x64 pixels take instead, of the first N cases.
+//! sensors of 96x64 pixels take instead, of the first N cases, without a cache, with that of the ones before, and with their own.
 
 mod factors;
 #[path = "../../tests/hidden_sensor/mod.rs"]

@@ -6,6 +6,7 @@ use std::time::Instant;
 use spikelane::calibrate::RecordingSet;
 use spikelane::diagnose::{DiagnoseOptions, Setup, Verdict, diagnose_and_tell, published};
 use spikelane::diagnose::{Extent, Part};
+use spikelane::effects::Camera;
 
 use super::hidden_sensor::{Physics, Sensor, Size, kind, write_set};
 use super::made;
@@ -38,32 +39,89 @@ fn set(hidden: &[(&str, f64)], seed: u64, take: u64, folder: &Path) -> Recording
     RecordingSet::open(&folder.join("recordings.toml")).unwrap()
 }
 
-/// Prints the table, a row as soon as it is known; of all cases, or of the first few.
+/// What one diagnosis took and said.
+struct Timed {
+    first: f64,
+    likely: String,
+    seconds: f64,
+    verdict: &'static str,
+    names: String,
+    /// Simulations from the cache, and those that were made.
+    cached: [usize; 2],
+}
+
+fn timed(sets: [&RecordingSet; 2], camera: Option<&Camera>, cache: Option<&Path>) -> Timed {
+    let options = DiagnoseOptions { camera, cache, ..DiagnoseOptions::default() };
+    let start = Instant::now();
+    let mut look = (f64::NAN, String::new());
+    let found = diagnose_and_tell(sets[0], Some(sets[1]), options, &mut |_, _| {}, &mut |first| {
+        let said = if first.agrees { "nothing stands out".to_owned() } else { first.likely.join(", ") };
+        look = (start.elapsed().as_secs_f64(), said);
+    })
+    .unwrap();
+    let seconds = start.elapsed().as_secs_f64();
+    let verdict = match found.verdict {
+        Verdict::Agrees => "agrees",
+        Verdict::Explained => "explained",
+        Verdict::PartlyExplained => "partly explained",
+        Verdict::Unknown => "unknown",
+    };
+    let names: Vec<&str> = found.effects.iter().map(|e| e.name).collect();
+    Timed {
+        first: look.0,
+        likely: look.1,
+        seconds,
+        verdict,
+        names: names.join(", "),
+        cached: found.cached.unwrap_or_default(),
+    }
+}
+
+/// The same without a cache, with one that holds what the sets before left, and again with what it has left there itself.
+fn row(sets: [&RecordingSet; 2], camera: Option<&Camera>, cache: &Path) -> String {
+    let alone = timed(sets, camera, None);
+    let [second, again] = [(); 2].map(|()| timed(sets, camera, Some(cache)));
+    for other in [&second, &again] {
+        assert_eq!(
+            (other.verdict, &other.names, &other.likely),
+            (alone.verdict, &alone.names, &alone.likely)
+        );
+    }
+    let Timed { first, likely, seconds, verdict, names, .. } = alone;
+    let [beside, once_more] =
+        [&second, &again].map(|t| format!("{} of {}", t.cached[1], t.cached.iter().sum::<usize>()));
+    format!(
+        "{first:.0} | {likely} | {seconds:.0} | {verdict} | {names} | {:.0} | {beside} | {:.1} | {once_more}",
+        second.seconds, again.seconds
+    )
+}
+
+/// Prints the table, a row as soon as it is known; of all cases, or of the first few. All share one cache.
 pub(crate) fn print(first: usize) {
     print!("{}", made::by());
-    println!("| set | first look, s | says | end, s | verdict | names |\n|---|--:|---|--:|---|---|");
+    println!(
+        "| set | first look, s | says | end, s | verdict | names | beside the sets above, s | simulations made | again, s | simulations made |"
+    );
+    println!("|---|--:|---|--:|---|---|--:|--:|--:|--:|");
+    let cache = tempfile::tempdir().unwrap();
     for (what, seed, hidden, given) in CASES.iter().take(first) {
         let folder = tempfile::tempdir().unwrap();
         let [own, judging] =
             [0, 1].map(|take| set(hidden, *seed, take, &folder.path().join(format!("{take}"))));
         let camera =
             given.then(|| published(&Setup::of(&own, Part::Whole, Extent::Enough).unwrap()).unwrap());
-        let options = DiagnoseOptions { camera: camera.as_ref(), ..DiagnoseOptions::default() };
-        let start = Instant::now();
-        let mut look = (f64::NAN, String::new());
-        let found = diagnose_and_tell(&own, Some(&judging), options, &mut |_, _| {}, &mut |first| {
-            let said = if first.agrees { "nothing stands out".to_owned() } else { first.likely.join(", ") };
-            look = (start.elapsed().as_secs_f64(), said);
-        })
-        .unwrap();
-        let seconds = start.elapsed().as_secs_f64();
-        let names: Vec<&str> = found.effects.iter().map(|e| e.name).collect();
-        let verdict = match found.verdict {
-            Verdict::Agrees => "agrees",
-            Verdict::Explained => "explained",
-            Verdict::PartlyExplained => "partly explained",
-            Verdict::Unknown => "unknown",
-        };
-        println!("| {what} | {:.0} | {} | {seconds:.0} | {verdict} | {} |", look.0, look.1, names.join(", "));
+        println!("| {what} | {} |", row([&own, &judging], camera.as_ref(), cache.path()));
     }
+    let (files, bytes) = size(cache.path());
+    println!("\nThe cache of all: {files} files, {:.1} MB.", bytes as f64 / 1e6);
+}
+
+/// Files in a folder and below, and their bytes.
+fn size(folder: &Path) -> (usize, u64) {
+    let of = |entry: std::io::Result<std::fs::DirEntry>| {
+        let (path, known) = entry.map(|e| (e.path(), e.metadata().unwrap())).unwrap();
+        if known.is_dir() { size(&path) } else { (1, known.len()) }
+    };
+    let all = std::fs::read_dir(folder).unwrap().map(of);
+    all.fold((0, 0), |(files, bytes), (more, further)| (files + more, bytes + further))
 }
