@@ -149,9 +149,11 @@ fn by_itself(
     same_protocol(&both.fitted.setup, &both.judging.setup)?;
     let about = |base: Option<&BaseModel>| About {
         held_out: held_by(held_out),
-        camera: options
-            .camera
-            .map_or_else(|| "the published model, calibrated".to_owned(), |c| c.name.clone()),
+        camera: match (options.camera, base) {
+            (Some(given), _) => given.name.clone(),
+            (None, Some(_)) => "the published model, calibrated".to_owned(),
+            (None, None) => "none: nothing was calibrated".to_owned(),
+        },
         seed: options.seed,
         numbers: base.map_or_else(Vec::new, |b| b.numbers.clone()),
         lamps: base.map_or_else(Vec::new, |b| b.lamps.clone()),

@@ -9,6 +9,7 @@ preset sees the same light; each clip has in every epoch a fixed pattern and noi
 from __future__ import annotations
 
 import argparse
+import re
 import time
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -76,7 +77,9 @@ class Net(nn.Module):
 
 def loader(clips: NDArray[np.float32], preset: str, seed: int, workers: int) -> tuple[SpikeClips, DataLoader[Any]]:
     if preset == DISTRIBUTION:
-        cameras = sl.CameraDistribution()
+        # The clips are spread over brightness already, the same for every teacher.
+        text = sl.CameraDistribution().to_toml()
+        cameras = sl.CameraDistribution(re.sub("thresholds_at_full_scale = .*", "thresholds_at_full_scale = 1", text))
     else:
         # Without a range in it every item draws the same camera, with a fixed pattern of its own.
         cameras = sl.CameraDistribution(sl.Camera.preset(preset).to_toml().partition("[maps]")[0])

