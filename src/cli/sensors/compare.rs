@@ -47,7 +47,7 @@ pub(crate) struct Args {
     /// With --realism: only rows from FROM up to TO of the upright picture
     #[arg(long, value_name = "FROM..TO", requires = "realism", value_parser = rows)]
     rows: Option<std::ops::Range<usize>>,
-    /// With --realism: simulated light drifts as the recording's does around every pixel
+    /// With --realism: simulated light drifts as the recording's does
     #[arg(long, requires = "realism")]
     drifting: bool,
     /// With --realism: recordings simulated by each camera
