@@ -29,8 +29,11 @@ fn noisy() -> Camera {
 
 /// Readouts of a grey wedge, from rate 0.15 to 0.27, by `camera`.
 fn stream(camera: &Camera) -> Vec<u8> {
+    lit(camera, |p| 0.145 + 0.12 * (p % SIZE.0 as usize) as f32 / SIZE.0 as f32)
+}
+
+fn lit(camera: &Camera, light: impl Fn(usize) -> f32) -> Vec<u8> {
     let geometry = camera.sensor.geometry;
-    let light = |p: usize| 0.145 + 0.12 * (p % SIZE.0 as usize) as f32 / SIZE.0 as f32;
     let light: Vec<f32> = (0..geometry.pixels()).map(light).collect();
     let mut simulator = Simulator::of_plan(Plan::new(camera, seeds(7)).unwrap());
     let mut bytes = vec![0; READOUTS * geometry.frame_bytes()];
@@ -74,6 +77,17 @@ fn a_camera_is_hardly_told_from_its_own_recording_and_a_noisier_one_is() {
     assert!((of("physical") - 0.5).abs() < 0.12, "{}", of("physical"));
     assert!(of("noisy") > 0.9 && of("ideal") > 0.9, "{} {}", of("noisy"), of("ideal"));
     assert_eq!(found.rows[0].name, "physical");
+}
+
+/// Its variances would not be numbers, and the first model in the list the nearest.
+#[test]
+fn a_scene_whose_pixels_fire_six_times_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = lit(&physical(), |_| 0.055);
+    let frame = bytes.len() / READOUTS;
+    let short = recording(folder.path(), &bytes[..110 * frame], 110);
+    let refused = static_scene(&short, &[noisy(), physical()], seeds(1)).unwrap_err().to_string();
+    assert!(refused.contains("times in 110 readouts") && refused.contains("--realism"), "{refused}");
 }
 
 #[test]

@@ -34,6 +34,11 @@ pub struct SceneRow {
 }
 
 impl SceneRow {
+    /// Whether it has the numbers that a distance is made of.
+    pub(super) fn can_be_compared(&self) -> bool {
+        [self.lag_variance[0], self.lag_variance[1], self.outliers].iter().all(|e| e.value.is_finite())
+    }
+
     /// Whether this model is no further from the recording than the nearest one, as far as the areas agree: within two
     /// standard errors.
     #[must_use]

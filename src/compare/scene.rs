@@ -48,7 +48,7 @@ pub struct SceneComparison {
 /// own), and measures both alike.
 ///
 /// # Errors
-/// When the recording is shorter than 100 readouts or has fewer than 500 even, static pixels.
+/// When the recording is shorter than 100 readouts, has fewer than 500 even, static pixels, or these fire too few times.
 pub fn static_scene(recording: &Reader, cameras: &[Camera], seeds: Seeds) -> Result<SceneComparison> {
     let readouts = recording.readouts();
     let options = MeasureOptions {
@@ -68,6 +68,15 @@ pub fn static_scene(recording: &Reader, cameras: &[Camera], seeds: Seeds) -> Res
     let rates = measured.counts.as_ref().map(crate::measure::Counts::rate_by_time).unwrap_or_default();
     let mean_rate = pixels.iter().map(|p| rates[*p]).sum::<f64>() / pixels.len() as f64;
     let own = row("measured", &measured, &pixels);
+    if !own.can_be_compared() {
+        let spikes = mean_rate * readouts as f64;
+        return Err(Error::new(Kind::Input, recording.name())
+            .found(format_args!("even, static pixels that fire {spikes:.0} times in {readouts} readouts"))
+            .expected("more than 8 intervals a pixel, whose variance is compared")
+            .remedy(
+                "record longer or with more light; --realism compares short recordings window by window",
+            ));
+    }
     let mut areas = Areas::new(&measured, &pixels);
     let mut models = Vec::new();
     for camera in cameras {
