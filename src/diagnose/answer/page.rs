@@ -232,9 +232,13 @@ fn tournament(d: &Diagnosis) -> Result<Vec<Part>> {
                 "",
                 "What each candidate leaves of the gap when it is fitted; within noise the names are tied.",
             ),
-            Fate::TurnedDown => (
+            Fate::TurnedDown if d.gap.is_held_out() => (
                 ", not kept",
                 "The held-out recordings did not come nearer with the winner, so it was not kept.",
+            ),
+            Fate::TurnedDown => (
+                ", not kept",
+                "The recordings did not come nearer with the winner by enough, so it was not kept.",
             ),
             Fate::Dropped => (
                 ", dropped later",
