@@ -27,6 +27,8 @@ pub struct StreamWriter {
     readouts: u64,
     written: u64,
     growing: bool,
+    /// Frames as the file has them, before they are written.
+    encoded: Vec<u8>,
     /// What was there may be overwritten.
     replaces: bool,
 }
@@ -89,7 +91,17 @@ impl StreamWriter {
         let mut digest = Digest::new();
         digest.update(&header);
         let start = header.len() as u64;
-        Ok(Self { writer, codec, digest, start, readouts, written: 0, growing: false, replaces: force })
+        Ok(Self {
+            writer,
+            codec,
+            digest,
+            start,
+            readouts,
+            written: 0,
+            growing: false,
+            encoded: Vec::new(),
+            replaces: force,
+        })
     }
 
     /// Begins a stream that will be called `path` and ends wherever [`finish`](Self::finish)
@@ -199,9 +211,12 @@ impl StreamWriter {
         for piece in packed.chunks(step * size) {
             let frames = piece.len() / size;
             let offset = self.start + self.written * self.codec.frame_bytes() as u64;
-            let window = self.writer.window(offset, frames * self.codec.frame_bytes())?;
-            self.codec.encode(piece, window)?;
-            self.digest.update(window);
+            // Bits between frames are zero and stay so: every piece has its frames at the same places.
+            self.encoded.resize(step * self.codec.frame_bytes(), 0);
+            let encoded = &mut self.encoded[..frames * self.codec.frame_bytes()];
+            self.codec.encode(piece, encoded)?;
+            self.writer.write_at(offset, encoded)?;
+            self.digest.update(encoded);
             self.written += frames as u64;
         }
         Ok(())

@@ -104,11 +104,7 @@ impl Writer {
     /// # Errors
     /// [`Kind::Usage`] beyond the end; what the operating system refuses.
     pub fn window(&mut self, offset: u64, len: usize) -> Result<&mut [u8]> {
-        if offset.checked_add(len as u64).is_none_or(|end| end > self.bytes) {
-            return Err(Error::new(Kind::Usage, self.path().display())
-                .found(format_args!("{len} bytes at {offset}"))
-                .expected(format_args!("a place within {} bytes", self.bytes)));
-        }
+        self.check(offset, len)?;
         if len == 0 {
             return Ok(&mut []);
         }
@@ -123,18 +119,37 @@ impl Writer {
         Ok(&mut window.map[start..start + len])
     }
 
+    fn check(&self, offset: u64, len: usize) -> Result<()> {
+        if offset.checked_add(len as u64).is_none_or(|end| end > self.bytes) {
+            return Err(Error::new(Kind::Usage, self.path().display())
+                .found(format_args!("{len} bytes at {offset}"))
+                .expected(format_args!("a place within {} bytes", self.bytes)));
+        }
+        Ok(())
+    }
+
+    /// Writes bytes that were made elsewhere. A mapping would take each page by a fault of its own, which is dearer than
+    /// the system's copy. Where such writes move forward, the bytes behind start on their way to the disk.
+    ///
+    /// # Errors
+    /// As [`window`](Self::window).
+    pub(crate) fn write_at(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
+        self.check(offset, bytes.len())?;
+        let windows = |bytes: u64| bytes / WINDOW as u64;
+        if windows(offset + bytes.len() as u64) > windows(offset) {
+            self.write_back_before(offset);
+        }
+        let written = self.partial.file().write_all_at(bytes, offset);
+        written.map_err(|e| Error::io(self.path().display(), e))
+    }
+
     /// Writes `bytes` behind those of the previous call.
     ///
     /// # Errors
     /// As [`window`](Self::window).
     pub fn write_all(&mut self, bytes: &[u8]) -> Result<()> {
-        let mut rest = bytes;
-        while !rest.is_empty() {
-            let (piece, behind) = rest.split_at(rest.len().min(WINDOW / 4));
-            self.window(self.position, piece.len())?.copy_from_slice(piece);
-            self.position += piece.len() as u64;
-            rest = behind;
-        }
+        self.write_at(self.position, bytes)?;
+        self.position += bytes.len() as u64;
         Ok(())
     }
 
@@ -276,6 +291,21 @@ mod tests {
         assert_eq!(found.len(), WINDOW + 20);
         assert!(found[..10].iter().all(|&b| b == 1) && found[WINDOW + 10..].iter().all(|&b| b == 2));
         assert!(found[10..WINDOW + 10].iter().all(|&b| b == 0));
+    }
+
+    #[test]
+    fn what_is_written_beside_windows_is_seen_in_them() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("beside");
+        let mut writer = Writer::create(&path, WINDOW as u64 + 30, false).unwrap();
+        writer.window(WINDOW as u64 - 10, 40).unwrap().fill(1);
+        writer.write_at(WINDOW as u64 - 5, &[2; 20]).unwrap();
+        writer.window(WINDOW as u64, 5).unwrap().fill(3);
+        assert_eq!(writer.write_at(WINDOW as u64 + 11, &[4; 20]).unwrap_err().kind(), Kind::Usage);
+        writer.finish().unwrap();
+        let found = std::fs::read(&path).unwrap();
+        let expected = [[1; 5], [2; 5], [3; 5], [2; 5], [2; 5], [1; 5], [1; 5], [1; 5]];
+        assert_eq!(found[WINDOW - 10..], expected.concat());
     }
 
     #[test]
