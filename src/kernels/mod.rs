@@ -21,10 +21,8 @@ pub use backend::Backend;
 pub use batch::{Batch, Job, Light, NoiseRound, Rounds, Samples, Segment};
 #[cfg(test)]
 pub(crate) use bits::AnyCpu;
-#[cfg(all(feature = "files", feature = "threads"))]
-pub(crate) use bits::counting;
 pub(crate) use bits::{
-    Bits, Counters, GROUPS, Places, ROOM, SHORTS, SLACK, Shorts, TILE, Tally, Times, WORDS, Work,
+    Bits, Counters, GROUPS, Places, ROOM, SHORTS, SLACK, Shorts, TILE, Tally, Times, WORDS, Work, counting,
     counting_with, load,
 };
 pub use modulation::{Around, Modulation};

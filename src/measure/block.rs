@@ -23,6 +23,9 @@ pub(super) const CAPACITY: usize = 1984;
 /// One turn of the vertical counters.
 const TURN: usize = crate::kernels::GROUPS * 8;
 
+/// Readouts of any block at least.
+const FEWEST: usize = 8;
+
 /// Buffers of larger sensors hold fewer readouts, not more memory than this.
 const LARGEST_BUFFER: usize = 1 << 26;
 
@@ -38,7 +41,17 @@ pub(super) struct Block {
 }
 
 impl Block {
+    /// Of as many readouts as are measured together.
     pub(super) fn new(geometry: Geometry, rows: Range<usize>) -> Self {
+        Self::of(geometry, rows, CAPACITY)
+    }
+
+    /// Of few readouts, which stay in the cache: for who looks at each when it comes in.
+    pub(super) fn short(geometry: Geometry, rows: Range<usize>) -> Self {
+        Self::of(geometry, rows, FEWEST)
+    }
+
+    fn of(geometry: Geometry, rows: Range<usize>, most: usize) -> Self {
         let stride = geometry.width() / 64 + 1;
         // One row below the band for its lower neighbours, and slack for tiles
         // that overhang the end. An odd number of cache lines per readout
@@ -46,8 +59,8 @@ impl Block {
         let lines = ((rows.len() + 1) * stride + 8).div_ceil(8) | 1;
         let frame_words = lines * 8;
         let fitting = LARGEST_BUFFER / (frame_words * 8);
-        let whole = if fitting >= TURN { TURN } else { 8 };
-        let capacity = (fitting / whole * whole).clamp(8, CAPACITY);
+        let whole = if fitting >= TURN { TURN } else { FEWEST };
+        let capacity = (fitting / whole * whole).clamp(FEWEST, most);
         let len = (capacity + 1) * frame_words;
         #[cfg(feature = "files")]
         let words = Words::zeros(len);
@@ -109,7 +122,12 @@ impl Block {
         if width.is_multiple_of(8) && width >= 64 {
             let bytes = width / 8;
             let frame = &frame[rows.start * bytes..rows.end * bytes];
-            frame.chunks_exact(bytes).zip(slot.chunks_exact_mut(self.stride)).for_each(copy_bytes);
+            match bytes {
+                // The two cameras that exist: a length known to the compiler makes a row a few vector moves.
+                50 => copy_rows::<50, 7>(frame, slot),
+                125 => copy_rows::<125, 16>(frame, slot),
+                _ => frame.chunks_exact(bytes).zip(slot.chunks_exact_mut(self.stride)).for_each(copy_bytes),
+            }
             return;
         }
         for (row, out) in rows.zip(slot.chunks_exact_mut(self.stride)) {
@@ -129,6 +147,13 @@ impl Block {
         self.words.copy_within(last..last + self.frame_words, 0);
         self.len = 0;
     }
+}
+
+/// [`copy_bytes`] of rows of a known length.
+fn copy_rows<const BYTES: usize, const STRIDE: usize>(frame: &[u8], slot: &mut [u64]) {
+    let (rows, _) = frame.as_chunks::<BYTES>();
+    let (out, _) = slot.as_chunks_mut::<STRIDE>();
+    rows.iter().zip(out).for_each(|(row, out)| copy_bytes((row, out)));
 }
 
 /// Copies a row of eight bytes or more to whole words, zero-padded; the last word begins behind it or within its last eight bytes.

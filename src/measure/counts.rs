@@ -3,11 +3,9 @@
 use std::array::from_fn;
 use std::ops::Range;
 
-use wide::u64x4;
-
 use super::block::Block;
 use super::estimate::{Estimate, tiles_ratio};
-use crate::kernels::{Counters, GROUPS, TILE, load};
+use crate::kernels::{Bits, Counters, GROUPS, Shorts, TILE, Work, counting_with, load};
 use crate::spikes::{Geometry, span_rate};
 
 /// In place of a readout where a pixel never fired.
@@ -86,6 +84,22 @@ pub(super) struct State {
     unseen: Vec<u64>,
 }
 
+/// A block on its way into the counts.
+struct Taking<'a> {
+    state: &'a mut State,
+    block: &'a Block,
+    start: u32,
+}
+
+impl Work for Taking<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<S: Shorts, B: Bits>(self, _: S, b: B) {
+        self.state.take(b, self.block, self.start);
+    }
+}
+
 impl State {
     pub(super) fn new(geometry: Geometry, rows: Range<usize>, block: &Block) -> Self {
         let pixels = rows.len() * geometry.width();
@@ -105,11 +119,16 @@ impl State {
 
     /// Counts a block that starts at readout `start`.
     pub(super) fn process(&mut self, block: &Block, start: u32) {
+        counting_with(Taking { state: self, block, start });
+    }
+
+    #[inline(always)]
+    fn take<B: Bits>(&mut self, b: B, block: &Block, start: u32) {
         for from in (0..block.len()).step_by(GROUPS * 8) {
             let slots = from + 1..(from + GROUPS * 8).min(block.len()) + 1;
             for at in (0..block.band_words()).step_by(TILE) {
-                let counters = count_tile(block, &slots, at);
-                self.empty(block, &counters, &slots, at, start);
+                let counters = count_tile(b, block, &slots, at);
+                self.empty(b, block, &counters, &slots, at, start);
             }
         }
         self.result.readouts = start + block.len() as u32;
@@ -125,15 +144,21 @@ impl State {
     }
 
     /// Moves the counters of a tile into the maps.
-    fn empty(
+    #[inline(always)]
+    fn empty<B: Bits>(
         &mut self,
+        b: B,
         block: &Block,
-        counters: &[Counters; 8],
+        counters: &[Counters<B>; 8],
         slots: &Range<usize>,
         at: usize,
         start: u32,
     ) {
-        let fired = counters[0].any();
+        let fired = counters[0].any(b);
+        let mut found = [[[0; 64]; TILE]; 8];
+        for (found, counters) in found.iter_mut().zip(counters) {
+            *found = counters.counts(b);
+        }
         for lane in 0..TILE.min(block.band_words() - at) {
             if fired[lane] == 0 {
                 continue;
@@ -143,18 +168,16 @@ impl State {
             let pixels = 64.min(block.width() - column);
             let pixel = row * block.width() + column;
             let maps = std::iter::once(&mut self.result.count).chain(&mut self.result.coincidences);
-            for (map, counter) in maps.zip(counters) {
-                let counts = counter.counts(lane);
-                for (sum, count) in map[pixel..pixel + pixels].iter_mut().zip(counts) {
-                    *sum += u32::from(count);
+            for (map, found) in maps.zip(&found) {
+                for (sum, count) in map[pixel..pixel + pixels].iter_mut().zip(&found[lane]) {
+                    *sum += u32::from(*count);
                 }
             }
             let readout = start + slots.start as u32 - 1;
-            let late = counters[7].counts(lane);
             let last = &mut self.result.last[pixel..pixel + pixels];
-            for (i, (last, late)) in last.iter_mut().zip(late).enumerate() {
+            for (i, (last, late)) in last.iter_mut().zip(&found[7][lane]).enumerate() {
                 if fired[lane] >> i & 1 != 0 {
-                    *last = readout + u32::from(late);
+                    *last = readout + u32::from(*late);
                 }
             }
             self.resolve_first(block, slots, word, pixel, fired[lane], start);
@@ -195,38 +218,45 @@ fn mark(map: &mut [u32], mut bits: u64, value: u32) {
 
 /// A tile of one readout: its pixels, their right and their lower neighbours.
 #[inline(always)]
-fn neighbours(slot: &[u64], at: usize, stride: usize) -> (u64x4, u64x4, u64x4) {
-    let own = load(slot, at);
-    let right = (own >> 1) | (load(slot, at + 1) << 63);
-    (own, right, load(slot, at + stride))
+fn neighbours<B: Bits>(b: B, slot: &[u64], at: usize, stride: usize) -> (B::Row, B::Row, B::Row) {
+    let own = load(b, slot, at);
+    (own, b.down(own, load(b, slot, at + 1)), load(b, slot, at + stride))
 }
 
 /// Spikes and the six coincidences of a tile over some slots, in groups of
 /// eight: the slots after the last are silent.
 ///
 /// The last of the eight holds the last spike, as a slot counted from the first.
-fn count_tile(block: &Block, slots: &Range<usize>, at: usize) -> [Counters; 8] {
-    let mut counters = [Counters::new(); 8];
-    let zero = u64x4::new([0; TILE]);
+#[inline(always)]
+fn count_tile<B: Bits>(b: B, block: &Block, slots: &Range<usize>, at: usize) -> [Counters<B>; 8] {
+    let mut counters = [Counters::new(b); 8];
+    let zero = b.row(&[0; TILE]);
     // Entry 0 is the readout before the group.
     let (mut own, mut right, mut lower) = ([zero; 9], [zero; 9], [zero; 9]);
     let before = block.slot(slots.start - 1);
-    (own[8], right[8], lower[8]) = neighbours(before, at, block.stride());
+    (own[8], right[8], lower[8]) = neighbours(b, before, at, block.stride());
     for (turn, group) in slots.clone().step_by(8).enumerate() {
         (own[0], right[0], lower[0]) = (own[8], right[8], lower[8]);
         for i in 1..9 {
             let slot = block.slot(group + i - 1);
-            (own[i], right[i], lower[i]) = neighbours(slot, at, block.stride());
+            // The lower neighbours of the tile after the next.
+            b.ask(slot, at + block.stride() + 2 * TILE);
+            (own[i], right[i], lower[i]) = neighbours(b, slot, at, block.stride());
         }
-        let now: [u64x4; 8] = from_fn(|i| own[i + 1]);
-        counters[0].add8(&now);
-        counters[1].add8(&from_fn(|i| own[i + 1] & right[i + 1]));
-        counters[2].add8(&from_fn(|i| own[i] & right[i + 1]));
-        counters[3].add8(&from_fn(|i| own[i + 1] & right[i]));
-        counters[4].add8(&from_fn(|i| own[i + 1] & lower[i + 1]));
-        counters[5].add8(&from_fn(|i| own[i] & lower[i + 1]));
-        counters[6].add8(&from_fn(|i| own[i + 1] & lower[i]));
-        counters[7].remember8(&now, turn);
+        // Of the pixel and of a neighbour, from which entry on.
+        let pairs =
+            [(&right, 1, 1), (&right, 0, 1), (&right, 1, 0), (&lower, 1, 1), (&lower, 0, 1), (&lower, 1, 0)];
+        let mut now = [zero; 8];
+        now.copy_from_slice(&own[1..]);
+        counters[0].add8(b, &now);
+        for (counter, (other, mine, theirs)) in counters[1..].iter_mut().zip(pairs) {
+            let mut both = [zero; 8];
+            for (i, both) in both.iter_mut().enumerate() {
+                *both = b.and(own[i + mine], other[i + theirs]);
+            }
+            counter.add8(b, &both);
+        }
+        counters[7].remember8(b, &now, turn);
     }
     counters
 }

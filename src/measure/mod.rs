@@ -146,7 +146,10 @@ impl Accumulator {
     /// frames are asked for in a band.
     pub fn new(geometry: Geometry, options: &MeasureOptions) -> Result<Self> {
         let (rows, lags) = options.checked(geometry)?;
-        let block = Block::new(geometry, rows.clone());
+        let block = match options.counts || options.intervals {
+            true => Block::new(geometry, rows.clone()),
+            false => Block::short(geometry, rows.clone()),
+        };
         let counts = options.counts.then(|| counts::State::new(geometry, rows.clone(), &block));
         let frames = options.frames.then(|| frames::State::new(geometry, options, &block));
         let (bin, series) = (options.longest_bin, options.series_readouts);
@@ -185,7 +188,8 @@ impl Accumulator {
         }
         for frame in frames.frames() {
             self.block.append(frame);
-            let wanted = self.frames.is_some() || self.intervals.is_some();
+            let wanted =
+                self.frames.is_some() || self.intervals.as_ref().is_some_and(intervals::State::wants_totals);
             let spikes = if wanted { newest::spikes(self.block.newest()) } else { 0 };
             if let Some(state) = &mut self.frames {
                 state.push(&self.block, spikes);

@@ -5,7 +5,7 @@ use std::ops::{Deref, DerefMut};
 use memmap2::MmapMut;
 
 /// Smallest size of a buffer of its own large pages, in bytes: some of them.
-const LARGE: usize = 8 << 20;
+const LARGE: usize = 4 << 20;
 
 /// Words that are zero at first, on large pages where the system has them and there are many.
 ///

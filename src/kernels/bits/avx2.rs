@@ -1,4 +1,4 @@
-//! Sixteen 16-bit integers in a 256-bit vector: what the kernel's lanes do already, and sums.
+//! Thirty-two 16-bit integers in two 256-bit vectors: what the kernel's lanes do already, and sums.
 
 #![allow(unsafe_code, reason = "instructions that the token proves the CPU to have")]
 
@@ -9,54 +9,59 @@ use crate::kernels::isa::avx2::Avx2;
 use crate::kernels::isa::lanes::Lanes;
 use crate::kernels::isa::proven::proven;
 
+type Two = [__m256i; 2];
+
 impl Shorts for Avx2 {
-    type Short = __m256i;
+    type Short = Two;
     type Sum = __m256i;
+    type Count = __m256i;
 
     #[inline(always)]
-    fn load(self, from: &[i16; SHORTS]) -> __m256i {
-        Lanes::load(self, from, 0)
+    fn load(self, from: &[i16; SHORTS]) -> Two {
+        [Lanes::load(self, from, 0), Lanes::load(self, from, 16)]
     }
     #[inline(always)]
-    fn store(self, to: &mut [i16; SHORTS], v: __m256i) {
-        Lanes::store(self, to, 0, v);
+    fn store(self, to: &mut [i16; SHORTS], [a, b]: Two) {
+        Lanes::store(self, to, 0, a);
+        Lanes::store(self, to, 16, b);
     }
     #[inline(always)]
-    fn splat(self, v: i16) -> __m256i {
-        Lanes::splat(self, v)
+    fn splat(self, v: i16) -> Two {
+        [Lanes::splat(self, v); 2]
     }
     #[inline(always)]
-    fn sub(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_sub_epi16(a, b))
+    fn sub(self, [a, b]: Two, [c, d]: Two) -> Two {
+        proven!([_mm256_sub_epi16(a, c), _mm256_sub_epi16(b, d)])
     }
     #[inline(always)]
-    fn and(self, a: __m256i, b: __m256i) -> __m256i {
-        Lanes::and(self, a, b)
+    fn and(self, [a, b]: Two, [c, d]: Two) -> Two {
+        [Lanes::and(self, a, c), Lanes::and(self, b, d)]
     }
     #[inline(always)]
-    fn or(self, a: __m256i, b: __m256i) -> __m256i {
-        Lanes::or(self, a, b)
+    fn or(self, [a, b]: Two, [c, d]: Two) -> Two {
+        [Lanes::or(self, a, c), Lanes::or(self, b, d)]
     }
     #[inline(always)]
-    fn greater(self, a: __m256i, b: __m256i) -> __m256i {
-        Lanes::greater(self, a, b)
+    fn greater(self, [a, b]: Two, [c, d]: Two) -> Two {
+        [Lanes::greater(self, a, c), Lanes::greater(self, b, d)]
     }
     #[inline(always)]
-    fn min(self, a: __m256i, b: __m256i) -> __m256i {
-        Lanes::min(self, a, b)
+    fn min(self, [a, b]: Two, [c, d]: Two) -> Two {
+        [Lanes::min(self, a, c), Lanes::min(self, b, d)]
     }
     #[inline(always)]
-    fn max(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_max_epi16(a, b))
+    fn max(self, [a, b]: Two, [c, d]: Two) -> Two {
+        proven!([_mm256_max_epi16(a, c), _mm256_max_epi16(b, d)])
     }
     #[inline(always)]
-    fn signs(self, v: __m256i) -> u32 {
+    fn signs(self, [a, b]: Two) -> u32 {
         // A mask's bits are the signs of its integers.
-        Lanes::bits(self, v)
+        Lanes::bits(self, a) | Lanes::bits(self, b) << 16
     }
     #[inline(always)]
-    fn least(self, v: __m256i) -> i16 {
-        let (low, high) = (proven!(_mm256_castsi256_si128(v)), proven!(_mm256_extracti128_si256::<1>(v)));
+    fn least(self, [a, b]: Two) -> i16 {
+        let all = Lanes::min(self, a, b);
+        let (low, high) = (proven!(_mm256_castsi256_si128(all)), proven!(_mm256_extracti128_si256::<1>(all)));
         let least = proven!(_mm_minpos_epu16(_mm_min_epu16(low, high)));
         proven!(_mm_cvtsi128_si32(least)) as i16
     }
@@ -65,8 +70,8 @@ impl Shorts for Avx2 {
         proven!(_mm256_setzero_si256())
     }
     #[inline(always)]
-    fn add_products(self, sum: __m256i, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_add_epi32(sum, _mm256_madd_epi16(a, b)))
+    fn add_products(self, sum: __m256i, [a, b]: Two, [c, d]: Two) -> __m256i {
+        proven!(_mm256_add_epi32(sum, _mm256_add_epi32(_mm256_madd_epi16(a, c), _mm256_madd_epi16(b, d))))
     }
     #[inline(always)]
     fn totals(self, s: [__m256i; 8]) -> [i32; 8] {
@@ -76,5 +81,24 @@ impl Shorts for Avx2 {
         let lower = proven!(_mm256_permute2x128_si256::<0x20>(low, high));
         let upper = proven!(_mm256_permute2x128_si256::<0x31>(low, high));
         bytemuck::cast(proven!(_mm256_add_epi32(lower, upper)))
+    }
+    #[inline(always)]
+    fn none(self) -> __m256i {
+        proven!(_mm256_setzero_si256())
+    }
+    #[inline(always)]
+    fn count_greater(self, count: __m256i, a: Two, b: Two) -> __m256i {
+        // A comparison is -1 where it holds.
+        let [c, d] = Shorts::greater(self, a, b);
+        proven!(_mm256_sub_epi16(_mm256_sub_epi16(count, c), d))
+    }
+    #[inline(always)]
+    fn counted(self, counts: [__m256i; 8]) -> [u32; 8] {
+        let one = Lanes::splat(self, 1);
+        let mut sums = counts;
+        for sum in &mut sums {
+            *sum = proven!(_mm256_madd_epi16(*sum, one));
+        }
+        bytemuck::cast(Shorts::totals(self, sums))
     }
 }

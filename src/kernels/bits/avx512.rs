@@ -1,4 +1,4 @@
-//! Bits with 512-bit vectors: rows of eight words turned by permutations and products of 8x8 bit matrices, the places of a word's bits by one
+//! Bits and 16-bit integers with 512-bit vectors: rows of eight words turned by permutations and products of 8x8 bit matrices, the places of a word's bits by one
 //! compression.
 
 #![allow(unsafe_code, reason = "instructions that the token proves the CPU to have")]
@@ -8,22 +8,26 @@ use std::arch::x86_64::*;
 use bytemuck::cast;
 
 use super::matrix::{Bits, Places, ROOM, WORDS};
+use super::planes::{Planes, TILE};
+use super::shorts::{SHORTS, Shorts};
+use crate::kernels::isa::avx2::Avx2;
 use crate::kernels::isa::proven::proven;
 
 /// Proof that the CPU has the instructions: only [`Avx512Bits::detect`] makes one.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Avx512Bits(());
+pub(super) struct Avx512Bits(Avx2);
 
 impl Avx512Bits {
-    /// The token, if this CPU has AVX-512 F, BW, VBMI and VBMI2, counts the bits of vectors and multiplies 8x8 bit matrices.
-    pub fn detect() -> Option<Self> {
+    /// The token, if this CPU has AVX-512 F, BW, VBMI, VBMI2 and VNNI, counts the bits of vectors and multiplies 8x8 bit matrices.
+    pub fn detect(avx2: Avx2) -> Option<Self> {
         let has = is_x86_feature_detected!("avx512f")
             && is_x86_feature_detected!("avx512bw")
             && is_x86_feature_detected!("avx512vbmi")
             && is_x86_feature_detected!("avx512vbmi2")
+            && is_x86_feature_detected!("avx512vnni")
             && is_x86_feature_detected!("avx512vpopcntdq")
             && is_x86_feature_detected!("gfni");
-        has.then_some(Self(()))
+        has.then_some(Self(avx2))
     }
 }
 
@@ -93,12 +97,166 @@ impl Avx512Bits {
         turned
     }
 
+    #[inline(always)]
+    fn halves(self, v: __m512i) -> [__m256i; 2] {
+        proven!([_mm512_castsi512_si256(v), _mm512_extracti64x4_epi64::<1>(v)])
+    }
+
     /// Sixteen places as 16-bit integers, counted from `base`.
     #[inline(always)]
     fn widened(self, places: __m128i, base: __m256i, out: &mut [i16; 16]) {
         let wide = proven!(_mm256_add_epi16(_mm256_cvtepi8_epi16(places), base));
         // SAFETY: 32 bytes, any alignment; the token proves the instruction.
         unsafe { _mm256_storeu_si256(out.as_mut_ptr().cast(), wide) }
+    }
+}
+
+impl Planes for Avx512Bits {
+    type Row = __m512i;
+
+    #[inline(always)]
+    fn row(self, words: &[u64; TILE]) -> __m512i {
+        self.load(words)
+    }
+    #[inline(always)]
+    fn words(self, row: __m512i) -> [u64; TILE] {
+        let mut words = [0; TILE];
+        self.store(&mut words, row);
+        words
+    }
+    #[inline(always)]
+    fn and(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_and_si512(a, b))
+    }
+    #[inline(always)]
+    fn or(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_or_si512(a, b))
+    }
+    #[inline(always)]
+    fn xor(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_xor_si512(a, b))
+    }
+    #[inline(always)]
+    fn without(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_andnot_si512(a, b))
+    }
+    #[inline(always)]
+    fn full_add(self, a: __m512i, b: __m512i, c: __m512i) -> (__m512i, __m512i) {
+        // Bit `4 a + 2 b + c` of the number is what three bits give: one of them or all, and two or more.
+        (
+            proven!(_mm512_ternarylogic_epi64::<0x96>(a, b, c)),
+            proven!(_mm512_ternarylogic_epi64::<0xE8>(a, b, c)),
+        )
+    }
+    #[inline(always)]
+    fn down(self, row: __m512i, next: __m512i) -> __m512i {
+        proven!(_mm512_shrdi_epi64::<1>(row, next))
+    }
+    #[inline(always)]
+    fn ask(self, words: &[u64], at: usize) {
+        // No access: an address without memory behind it is passed over.
+        proven!(_mm_prefetch::<_MM_HINT_T1>(words.as_ptr().wrapping_add(at).cast()));
+    }
+    #[inline(always)]
+    fn numbers(self, planes: [__m512i; 8]) -> [[u8; 64]; TILE] {
+        let apart = self.load(&cast(APART));
+        let diagonal = proven!(_mm512_set1_epi64(DIAGONAL));
+        let words = self.turn_words(planes);
+        let mut numbers = [[0; 64]; TILE];
+        for (numbers, word) in numbers.iter_mut().zip(words) {
+            let columns = proven!(_mm512_permutexvar_epi8(apart, word));
+            let rows = proven!(_mm512_gf2p8affine_epi64_epi8::<0>(diagonal, columns));
+            // SAFETY: 64 bytes, any alignment; the token proves the instruction.
+            unsafe { _mm512_storeu_si512(numbers.as_mut_ptr().cast(), rows) }
+        }
+        numbers
+    }
+}
+
+impl Shorts for Avx512Bits {
+    type Short = __m512i;
+    type Sum = __m512i;
+    type Count = __m512i;
+
+    #[inline(always)]
+    fn load(self, from: &[i16; SHORTS]) -> __m512i {
+        // SAFETY: 64 bytes, any alignment; the token proves the instruction.
+        unsafe { _mm512_loadu_si512(from.as_ptr().cast()) }
+    }
+    #[inline(always)]
+    fn store(self, to: &mut [i16; SHORTS], v: __m512i) {
+        // SAFETY: 64 bytes, any alignment; the token proves the instruction.
+        unsafe { _mm512_storeu_si512(to.as_mut_ptr().cast(), v) }
+    }
+    #[inline(always)]
+    fn splat(self, v: i16) -> __m512i {
+        proven!(_mm512_set1_epi16(v))
+    }
+    #[inline(always)]
+    fn sub(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_sub_epi16(a, b))
+    }
+    #[inline(always)]
+    fn and(self, a: __m512i, b: __m512i) -> __m512i {
+        Planes::and(self, a, b)
+    }
+    #[inline(always)]
+    fn or(self, a: __m512i, b: __m512i) -> __m512i {
+        Planes::or(self, a, b)
+    }
+    #[inline(always)]
+    fn greater(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_movm_epi16(_mm512_cmpgt_epi16_mask(a, b)))
+    }
+    #[inline(always)]
+    fn min(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_min_epi16(a, b))
+    }
+    #[inline(always)]
+    fn max(self, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_max_epi16(a, b))
+    }
+    #[inline(always)]
+    fn signs(self, v: __m512i) -> u32 {
+        proven!(_mm512_movepi16_mask(v))
+    }
+    #[inline(always)]
+    fn least(self, v: __m512i) -> i16 {
+        Shorts::least(self.0, self.halves(v))
+    }
+    #[inline(always)]
+    fn zero(self) -> __m512i {
+        proven!(_mm512_setzero_si512())
+    }
+    #[inline(always)]
+    fn add_products(self, sum: __m512i, a: __m512i, b: __m512i) -> __m512i {
+        proven!(_mm512_dpwssd_epi32(sum, a, b))
+    }
+    #[inline(always)]
+    fn totals(self, sums: [__m512i; 8]) -> [i32; 8] {
+        let mut folded = [proven!(_mm256_setzero_si256()); 8];
+        for (folded, sum) in folded.iter_mut().zip(sums) {
+            let [low, high] = self.halves(sum);
+            *folded = proven!(_mm256_add_epi32(low, high));
+        }
+        Shorts::totals(self.0, folded)
+    }
+    #[inline(always)]
+    fn none(self) -> __m512i {
+        proven!(_mm512_setzero_si512())
+    }
+    #[inline(always)]
+    fn count_greater(self, count: __m512i, a: __m512i, b: __m512i) -> __m512i {
+        let one = proven!(_mm512_set1_epi16(1));
+        proven!(_mm512_mask_add_epi16(count, _mm512_cmpgt_epi16_mask(a, b), count, one))
+    }
+    #[inline(always)]
+    fn counted(self, counts: [__m512i; 8]) -> [u32; 8] {
+        let mut sums = counts;
+        for sum in &mut sums {
+            *sum = proven!(_mm512_madd_epi16(*sum, _mm512_set1_epi16(1)));
+        }
+        cast(self.totals(sums))
     }
 }
 

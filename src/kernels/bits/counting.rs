@@ -24,9 +24,9 @@ pub(crate) fn counting_with<W: Work>(work: W) -> W::Out {
     #[cfg(target_arch = "x86_64")]
     {
         if let Some(shorts) = Avx2::detect().filter(|_| has()) {
-            return match Avx512Bits::detect() {
+            return match Avx512Bits::detect(shorts) {
                 // SAFETY: the CPU has the features that `enter_wide` is compiled with.
-                Some(bits) => unsafe { enter_wide(work, shorts, bits) },
+                Some(bits) => unsafe { enter_wide(work, bits) },
                 // SAFETY: the CPU has the features that `enter` is compiled with.
                 None => unsafe { enter(work, shorts) },
             };
@@ -37,16 +37,13 @@ pub(crate) fn counting_with<W: Work>(work: W) -> W::Out {
 
 /// Runs `work` so: without these, a count of bits is a dozen operations. The result is the same. Only what is inlined gains, a large closure
 /// itself as well: mark it `#[inline(always)]`, and what it calls in its loops.
-#[cfg(all(feature = "files", feature = "threads"))]
 #[inline]
 pub(crate) fn counting<R>(work: impl FnOnce() -> R) -> R {
     counting_with(Plain(work))
 }
 
-#[cfg(all(feature = "files", feature = "threads"))]
 struct Plain<F>(F);
 
-#[cfg(all(feature = "files", feature = "threads"))]
 impl<R, F: FnOnce() -> R> Work for Plain<F> {
     type Out = R;
 
@@ -69,8 +66,8 @@ fn enter<W: Work>(work: W, shorts: Avx2) -> W::Out {
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(
-    enable = "avx2,popcnt,bmi1,bmi2,avx512f,avx512bw,avx512vbmi,avx512vbmi2,avx512vpopcntdq,gfni"
+    enable = "avx2,popcnt,bmi1,bmi2,avx512f,avx512bw,avx512vbmi,avx512vbmi2,avx512vnni,avx512vpopcntdq,gfni"
 )]
-fn enter_wide<W: Work>(work: W, shorts: Avx2, bits: Avx512Bits) -> W::Out {
-    work.run(shorts, bits)
+fn enter_wide<W: Work>(work: W, both: Avx512Bits) -> W::Out {
+    work.run(both, both)
 }

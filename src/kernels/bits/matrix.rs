@@ -1,5 +1,6 @@
 //! Bit matrices turned round, and the places of set bits.
 
+use super::planes::Planes;
 use super::shorts::AnyCpu;
 
 /// Words of a row that are turned together: a cache line has as many, and from one row to the next there is a page or more.
@@ -52,7 +53,7 @@ const fn lengths() -> [u8; 256] {
 }
 
 /// What a CPU makes of bits. An implementor is a token: a value of it exists only where the CPU has the instructions.
-pub(crate) trait Bits: Copy {
+pub(crate) trait Bits: Planes {
     /// Transposes a 64x64 bit matrix: bit `j` of word `i` goes to bit `i` of word `j`.
     #[inline(always)]
     fn transpose(self, words: &mut [u64; 64]) {

@@ -7,16 +7,16 @@ mod avx2;
 mod avx512;
 mod counting;
 mod matrix;
+mod planes;
 mod shorts;
 mod tally;
 mod vertical;
 
-#[cfg(all(feature = "files", feature = "threads"))]
-pub(crate) use counting::counting;
-pub(crate) use counting::{Work, counting_with};
+pub(crate) use counting::{Work, counting, counting_with};
 pub(crate) use matrix::{Bits, Places, ROOM, SLACK, WORDS};
+pub(crate) use planes::TILE;
 #[cfg(test)]
 pub(crate) use shorts::AnyCpu;
 pub(crate) use shorts::{SHORTS, Shorts};
 pub(crate) use tally::{Tally, Times};
-pub(crate) use vertical::{Counters, GROUPS, TILE, load};
+pub(crate) use vertical::{Counters, GROUPS, load};

@@ -1,4 +1,4 @@
-//! Sums over 16-bit integers, sixteen at a time.
+//! Sums over 16-bit integers, thirty-two at a time: one vector of AVX-512, two of AVX2.
 //!
 //! `wide` chooses its instructions when it is compiled, so its vectors have 128 bits in a build for any CPU. Plain loops over
 //! arrays would become 256-bit additions and comparisons where they are compiled for AVX2, but today's compiler turns none into the
@@ -7,15 +7,16 @@
 use wide::{i16x8, i32x4};
 
 /// Integers of a vector.
-pub(crate) const SHORTS: usize = 16;
+pub(crate) const SHORTS: usize = 32;
 
-/// Vectors of sixteen signed 16-bit integers, and of eight 32-bit sums.
+/// Vectors of thirty-two signed 16-bit integers, of 32-bit sums, and of 16-bit counts.
 ///
 /// An implementor is a token: a value of it exists only where the CPU has the instructions, so every method is safe.
 /// All are exact. A closure given to `map` is compiled apart, without the instructions of its caller: use loops.
 pub(crate) trait Shorts: Copy {
     type Short: Copy;
     type Sum: Copy;
+    type Count: Copy;
 
     fn load(self, from: &[i16; SHORTS]) -> Self::Short;
     fn store(self, to: &mut [i16; SHORTS], v: Self::Short);
@@ -30,81 +31,101 @@ pub(crate) trait Shorts: Copy {
     fn max(self, a: Self::Short, b: Self::Short) -> Self::Short;
     /// Bit `i` is the sign of integer `i`.
     fn signs(self, v: Self::Short) -> u32;
-    /// The least of sixteen integers that are not negative.
+    /// The least of the integers that are not negative.
     fn least(self, v: Self::Short) -> i16;
     fn zero(self) -> Self::Sum;
-    /// `sum` and, in some order, the eight `a[i] * b[i] + a[i + 1] * b[i + 1]` of even `i` (wrapping).
+    /// `sum` and, in some order, the sixteen `a[i] * b[i] + a[i + 1] * b[i + 1]` of even `i` (wrapping).
     fn add_products(self, sum: Self::Sum, a: Self::Short, b: Self::Short) -> Self::Sum;
     /// The total of each of eight sums (wrapping).
     fn totals(self, sums: [Self::Sum; 8]) -> [i32; 8];
+    fn none(self) -> Self::Count;
+    /// `count` and, in some order, one for each `a > b`, up to `2^14` times.
+    fn count_greater(self, count: Self::Count, a: Self::Short, b: Self::Short) -> Self::Count;
+    /// The total of each of eight counts.
+    fn counted(self, counts: [Self::Count; 8]) -> [u32; 8];
 }
 
 /// The instructions that this build is compiled for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AnyCpu;
 
-type Two = [i16x8; 2];
+type Four = [i16x8; 4];
 
 impl Shorts for AnyCpu {
-    type Short = Two;
-    type Sum = [i32x4; 2];
+    type Short = Four;
+    type Sum = i32x4;
+    type Count = i16x8;
 
     #[inline(always)]
-    fn load(self, from: &[i16; SHORTS]) -> Two {
+    fn load(self, from: &[i16; SHORTS]) -> Four {
         bytemuck::cast(*from)
     }
     #[inline(always)]
-    fn store(self, to: &mut [i16; SHORTS], v: Two) {
+    fn store(self, to: &mut [i16; SHORTS], v: Four) {
         *to = bytemuck::cast(v);
     }
     #[inline(always)]
-    fn splat(self, v: i16) -> Two {
-        [i16x8::splat(v); 2]
+    fn splat(self, v: i16) -> Four {
+        [i16x8::splat(v); 4]
     }
     #[inline(always)]
-    fn sub(self, [a, b]: Two, [c, d]: Two) -> Two {
-        [a - c, b - d]
+    fn sub(self, a: Four, b: Four) -> Four {
+        std::array::from_fn(|i| a[i] - b[i])
     }
     #[inline(always)]
-    fn and(self, [a, b]: Two, [c, d]: Two) -> Two {
-        [a & c, b & d]
+    fn and(self, a: Four, b: Four) -> Four {
+        std::array::from_fn(|i| a[i] & b[i])
     }
     #[inline(always)]
-    fn or(self, [a, b]: Two, [c, d]: Two) -> Two {
-        [a | c, b | d]
+    fn or(self, a: Four, b: Four) -> Four {
+        std::array::from_fn(|i| a[i] | b[i])
     }
     #[inline(always)]
-    fn greater(self, [a, b]: Two, [c, d]: Two) -> Two {
-        [a.simd_gt(c), b.simd_gt(d)]
+    fn greater(self, a: Four, b: Four) -> Four {
+        std::array::from_fn(|i| a[i].simd_gt(b[i]))
     }
     #[inline(always)]
-    fn min(self, [a, b]: Two, [c, d]: Two) -> Two {
-        [a.min(c), b.min(d)]
+    fn min(self, a: Four, b: Four) -> Four {
+        std::array::from_fn(|i| a[i].min(b[i]))
     }
     #[inline(always)]
-    fn max(self, [a, b]: Two, [c, d]: Two) -> Two {
-        [a.max(c), b.max(d)]
+    fn max(self, a: Four, b: Four) -> Four {
+        std::array::from_fn(|i| a[i].max(b[i]))
     }
     #[inline(always)]
-    fn signs(self, [a, b]: Two) -> u32 {
-        a.to_bitmask() | b.to_bitmask() << 8
+    fn signs(self, [a, b, c, d]: Four) -> u32 {
+        a.to_bitmask() | b.to_bitmask() << 8 | c.to_bitmask() << 16 | d.to_bitmask() << 24
     }
     #[inline(always)]
-    fn least(self, [a, b]: Two) -> i16 {
-        let all = a.min(b).to_array();
+    fn least(self, [a, b, c, d]: Four) -> i16 {
+        let all = a.min(b).min(c.min(d)).to_array();
         all.into_iter().fold(i16::MAX, i16::min)
     }
     #[inline(always)]
-    fn zero(self) -> Self::Sum {
-        [i32x4::splat(0); 2]
+    fn zero(self) -> i32x4 {
+        i32x4::splat(0)
     }
     #[inline(always)]
-    fn add_products(self, [s, t]: Self::Sum, [a, b]: Two, [c, d]: Two) -> Self::Sum {
-        [s + a.dot(c), t + b.dot(d)]
+    fn add_products(self, sum: i32x4, a: Four, b: Four) -> i32x4 {
+        (sum + a[0].dot(b[0])) + a[1].dot(b[1]) + (a[2].dot(b[2]) + a[3].dot(b[3]))
     }
     #[inline(always)]
-    fn totals(self, sums: [Self::Sum; 8]) -> [i32; 8] {
-        sums.map(|[s, t]| (s + t).reduce_add())
+    fn totals(self, sums: [i32x4; 8]) -> [i32; 8] {
+        sums.map(|sum| sum.reduce_add())
+    }
+    #[inline(always)]
+    fn none(self) -> i16x8 {
+        i16x8::splat(0)
+    }
+    #[inline(always)]
+    fn count_greater(self, count: i16x8, a: Four, b: Four) -> i16x8 {
+        // A comparison is -1 where it holds.
+        let [c, d, e, f] = self.greater(a, b);
+        count - ((c + d) + (e + f))
+    }
+    #[inline(always)]
+    fn counted(self, counts: [i16x8; 8]) -> [u32; 8] {
+        counts.map(|count| count.to_array().into_iter().map(|n| n as u32).sum())
     }
 }
 
@@ -117,7 +138,7 @@ mod tests {
     use crate::kernels::bits::counting::{Work, counting_with};
     use crate::kernels::bits::matrix::Bits;
 
-    /// What every method says of two vectors, each as sixteen numbers.
+    /// What every method says of two vectors, each as so many numbers.
     struct All([i16; SHORTS], [i16; SHORTS]);
 
     impl Work for All {
@@ -142,6 +163,13 @@ mod tests {
                 }
             }
             said.push(s.totals(sums).to_vec());
+            let mut counts = [s.none(); 8];
+            for (n, count) in counts.iter_mut().enumerate() {
+                for _ in 0..n {
+                    *count = s.count_greater(*count, a, b);
+                }
+            }
+            said.push(s.counted(counts).map(|count| count as i32).to_vec());
             said
         }
     }
@@ -158,9 +186,10 @@ mod tests {
             each(|a, b| -i16::from(a > b)),
             each(i16::min),
             each(i16::max),
-            vec![(0..SHORTS).map(|i| i32::from(a[i] < 0) << i).sum()],
+            vec![(0..SHORTS).fold(0, |bits, i| bits | i32::from(a[i] < 0) << i)],
             vec![a.iter().map(|a| i32::from(a & i16::MAX)).fold(i32::MAX, i32::min)],
             (0..8).map(|n| product.wrapping_mul(n)).collect(),
+            (0..8).map(|n| n * a.iter().zip(b).filter(|(a, b)| **a > *b).count() as i32).collect(),
         ]
     }
 

@@ -1,11 +1,10 @@
 //! How often each pixel fires in some frames, and when first and last.
 
-use wide::u64x4;
-
 use super::counting::{Work, counting_with};
 use super::matrix::Bits;
+use super::planes::{Planes, TILE};
 use super::shorts::Shorts;
-use super::vertical::{Counters, GROUPS, TILE};
+use super::vertical::{Counters, GROUPS};
 
 /// Bytes of a tile.
 const BYTES: usize = 8 * TILE;
@@ -49,8 +48,8 @@ impl<'a> Tally<'a> {
 
     /// Eight frames of the tile at byte `at`, from `frame` on; frames that are not there are silent.
     #[inline(always)]
-    fn eight(self, frame: usize, at: usize) -> [u64x4; 8] {
-        let mut tiles = [u64x4::new([0; TILE]); 8];
+    fn eight<P: Planes>(self, p: P, frame: usize, at: usize) -> [P::Row; 8] {
+        let mut tiles = [p.row(&[0; TILE]); 8];
         for (i, tile) in tiles.iter_mut().enumerate() {
             let from = (frame + i) * self.bytes + at;
             if (frame + i) * self.bytes >= self.frames.len() {
@@ -58,11 +57,11 @@ impl<'a> Tally<'a> {
             }
             let count = BYTES.min(self.bytes - at);
             *tile = match self.frames[from..from + count].first_chunk::<BYTES>() {
-                Some(whole) => words(whole),
+                Some(whole) => p.row(&words(whole)),
                 None => {
                     let mut padded = [0; BYTES];
                     padded[..count].copy_from_slice(&self.frames[from..from + count]);
-                    words(&padded)
+                    p.row(&words(&padded))
                 }
             };
         }
@@ -77,12 +76,12 @@ impl<'a> Tally<'a> {
 }
 
 #[inline(always)]
-fn words(bytes: &[u8; BYTES]) -> u64x4 {
+fn words(bytes: &[u8; BYTES]) -> [u64; TILE] {
     let mut words = [0; TILE];
     for (word, bytes) in words.iter_mut().zip(bytes.as_chunks::<8>().0) {
         *word = u64::from_le_bytes(*bytes);
     }
-    u64x4::new(words)
+    words
 }
 
 struct Counted<'a, 'b, F> {
@@ -95,18 +94,19 @@ impl<F: Fn(u32, u32) -> u32> Work for Counted<'_, '_, F> {
     type Out = ();
 
     #[inline(always)]
-    fn run<S: Shorts, B: Bits>(self, _: S, _: B) {
+    fn run<S: Shorts, B: Bits>(self, _: S, b: B) {
         let Self { tally, counts, change } = self;
         for turn in tally.turns() {
             for at in (0..tally.bytes).step_by(BYTES) {
-                let mut counters = Counters::new();
+                let mut counters = Counters::new(b);
                 for frame in turn.clone().step_by(8) {
-                    counters.add8(&tally.eight(frame, at));
+                    counters.add8(b, &tally.eight(b, frame, at));
                 }
+                let found = counters.counts(b);
                 let counts = &mut counts[8 * at..8 * tally.bytes.min(at + BYTES)];
-                for (word, counts) in counts.chunks_mut(64).enumerate() {
-                    for (sum, count) in counts.iter_mut().zip(counters.counts(word)) {
-                        *sum = change(*sum, u32::from(count));
+                for (counts, found) in counts.chunks_mut(64).zip(&found) {
+                    for (sum, count) in counts.iter_mut().zip(found) {
+                        *sum = change(*sum, u32::from(*count));
                     }
                 }
             }
@@ -120,25 +120,29 @@ impl Work for Timed<'_> {
     type Out = Vec<Times>;
 
     #[inline(always)]
-    fn run<S: Shorts, B: Bits>(self, _: S, _: B) -> Vec<Times> {
+    fn run<S: Shorts, B: Bits>(self, _: S, b: B) -> Vec<Times> {
         let tally = self.0;
         let mut all = vec![Times::default(); 8 * tally.bytes];
         for turn in tally.turns() {
             let groups = turn.len().div_ceil(8);
             for at in (0..tally.bytes).step_by(BYTES) {
-                let [mut spikes, mut first, mut last] = [Counters::new(); 3];
+                let [mut spikes, mut first, mut last] = [Counters::new(b); 3];
                 for group in 0..groups {
-                    let eight = tally.eight(turn.start + 8 * group, at);
-                    spikes.add8(&eight);
-                    last.remember8(&eight, group);
+                    let eight = tally.eight(b, turn.start + 8 * group, at);
+                    spikes.add8(b, &eight);
+                    last.remember8(b, &eight, group);
                     // The other way round the last is the first.
-                    let mut back = tally.eight(turn.start + 8 * (groups - 1 - group), at);
+                    let mut back = tally.eight(b, turn.start + 8 * (groups - 1 - group), at);
                     back.reverse();
-                    first.remember8(&back, group);
+                    first.remember8(b, &back, group);
+                }
+                let mut found = [[[0; 64]; TILE]; 3];
+                for (found, counters) in found.iter_mut().zip([&spikes, &first, &last]) {
+                    *found = counters.counts(b);
                 }
                 let times = &mut all[8 * at..8 * tally.bytes.min(at + BYTES)];
                 for (word, times) in times.chunks_mut(64).enumerate() {
-                    let [spikes, first, last] = [&spikes, &first, &last].map(|c| c.counts(word));
+                    let [spikes, first, last] = [&found[0][word], &found[1][word], &found[2][word]];
                     for (i, times) in times.iter_mut().enumerate().filter(|(i, _)| spikes[*i] != 0) {
                         if times.spikes == 0 {
                             times.first = (turn.start + 8 * groups - 1) as u32 - u32::from(first[i]);

@@ -6,50 +6,48 @@
 //! against 64 additions per input when pixels are visited. The counters hold
 //! 8 bits, so they are emptied after at most 255 inputs.
 
-use wide::u64x4;
-
-/// Words counted side by side.
-pub(crate) const TILE: usize = 4;
+use super::planes::{Planes, TILE};
 
 /// Most groups of eight inputs before the counters must be emptied.
 pub(crate) const GROUPS: usize = 31;
 
-/// Four words of a slice as one lane vector.
+/// Eight words of a slice as one row.
 #[inline(always)]
-pub(crate) fn load(words: &[u64], at: usize) -> u64x4 {
-    let mut lanes = [0; TILE];
-    lanes.copy_from_slice(&words[at..at + TILE]);
-    u64x4::new(lanes)
+pub(crate) fn load<P: Planes>(p: P, words: &[u64], at: usize) -> P::Row {
+    let mut row = [0; TILE];
+    row.copy_from_slice(&words[at..at + TILE]);
+    p.row(&row)
 }
 
-/// 64 x 4 counters of 8 bits.
+/// 64 x 8 counters of 8 bits.
 #[derive(Clone, Copy)]
-pub(crate) struct Counters {
-    planes: [u64x4; 8],
+pub(crate) struct Counters<P: Planes> {
+    planes: [P::Row; 8],
 }
 
-impl Counters {
-    pub(crate) fn new() -> Self {
-        Self { planes: [u64x4::new([0; TILE]); 8] }
+impl<P: Planes> Counters<P> {
+    #[inline(always)]
+    pub(crate) fn new(p: P) -> Self {
+        Self { planes: [p.row(&[0; TILE]); 8] }
     }
 
     /// Adds eight inputs.
     #[inline(always)]
-    pub(crate) fn add8(&mut self, x: &[u64x4; 8]) {
-        let p = &mut self.planes;
-        let (s, a) = full_add(p[0], x[0], x[1]);
-        let (s, b) = full_add(s, x[2], x[3]);
-        let (s, c) = full_add(s, x[4], x[5]);
-        let (s, d) = full_add(s, x[6], x[7]);
-        p[0] = s;
-        let (s, e) = full_add(p[1], a, b);
-        let (s, f) = full_add(s, c, d);
-        p[1] = s;
-        let (s, mut carry) = full_add(p[2], e, f);
-        p[2] = s;
-        for plane in &mut p[3..] {
-            let sum = *plane ^ carry;
-            carry = *plane & carry;
+    pub(crate) fn add8(&mut self, p: P, x: &[P::Row; 8]) {
+        let planes = &mut self.planes;
+        let (s, a) = p.full_add(planes[0], x[0], x[1]);
+        let (s, b) = p.full_add(s, x[2], x[3]);
+        let (s, c) = p.full_add(s, x[4], x[5]);
+        let (s, d) = p.full_add(s, x[6], x[7]);
+        planes[0] = s;
+        let (s, e) = p.full_add(planes[1], a, b);
+        let (s, f) = p.full_add(s, c, d);
+        planes[1] = s;
+        let (s, mut carry) = p.full_add(planes[2], e, f);
+        planes[2] = s;
+        for plane in &mut planes[3..] {
+            let sum = p.xor(*plane, carry);
+            carry = p.and(*plane, carry);
             *plane = sum;
         }
     }
@@ -57,69 +55,37 @@ impl Counters {
     /// Makes the counters hold the number of the last set input, which is 8
     /// times `turn` plus its index; pixels without any keep what they have.
     #[inline(always)]
-    pub(crate) fn remember8(&mut self, x: &[u64x4; 8], turn: usize) {
-        let (x67, x45, x23) = (x[6] | x[7], x[4] | x[5], x[2] | x[3]);
-        let upper = x45 | x67;
-        let any = upper | x23 | x[0] | x[1];
-        let bit1 = x67 | (!upper & x23);
-        let odd = x[7] | (!x[6] & (x[5] | (!x[4] & (x[3] | (!x[2] & x[1])))));
+    pub(crate) fn remember8(&mut self, p: P, x: &[P::Row; 8], turn: usize) {
+        let (x67, x45, x23) = (p.or(x[6], x[7]), p.or(x[4], x[5]), p.or(x[2], x[3]));
+        let upper = p.or(x45, x67);
+        let any = p.or(p.or(upper, x23), p.or(x[0], x[1]));
+        let bit1 = p.or(x67, p.without(upper, x23));
+        // The last one is odd: 1 but not 2, or 3 but not 4, or 5 but not 6, or 7.
+        let mut odd = x[1];
+        for i in [3, 5, 7] {
+            odd = p.or(x[i], p.without(x[i - 1], odd));
+        }
         for (plane, bit) in self.planes.iter_mut().zip([odd, bit1, upper]) {
-            *plane = (*plane & !any) | bit;
+            *plane = p.or(p.without(any, *plane), bit);
         }
         for (j, plane) in self.planes[3..].iter_mut().enumerate() {
-            *plane = if turn >> j & 1 != 0 { *plane | any } else { *plane & !any };
+            *plane = if turn >> j & 1 != 0 { p.or(*plane, any) } else { p.without(any, *plane) };
         }
     }
 
     /// Which counters are not zero.
-    pub(crate) fn any(&self) -> [u64; TILE] {
+    #[inline(always)]
+    pub(crate) fn any(&self, p: P) -> [u64; TILE] {
         let mut any = self.planes[0];
         for plane in &self.planes[1..] {
-            any |= *plane;
+            any = p.or(any, *plane);
         }
-        any.to_array()
+        p.words(any)
     }
 
-    /// The 64 counters of one of the four words, in the order of its bits.
-    pub(crate) fn counts(&self, word: usize) -> [u8; 64] {
-        let planes = self.planes.map(|plane| plane.to_array()[word]);
-        let columns = transpose_bytes(planes);
-        let mut counts = [0; 64];
-        for (bit, column) in columns.iter().enumerate() {
-            for (byte, value) in column.to_le_bytes().into_iter().enumerate() {
-                counts[byte * 8 + bit] = value;
-            }
-        }
-        counts
+    /// The 64 counters of each of the words, in the order of its bits.
+    #[inline(always)]
+    pub(crate) fn counts(&self, p: P) -> [[u8; 64]; TILE] {
+        p.numbers(self.planes)
     }
-}
-
-/// Sum and carry of three bits.
-#[inline(always)]
-fn full_add(a: u64x4, b: u64x4, c: u64x4) -> (u64x4, u64x4) {
-    let half = a ^ b;
-    (half ^ c, (a & b) | (half & c))
-}
-
-/// Transposes the eight 8x8 bit squares that lie side by side in eight words:
-/// bit `j` of byte `b` of word `i` goes to bit `i` of byte `b` of word `j`.
-fn transpose_bytes(mut words: [u64; 8]) -> [u64; 8] {
-    const STAGES: [(usize, u64); 3] =
-        [(4, 0x0F0F_0F0F_0F0F_0F0F), (2, 0x3333_3333_3333_3333), (1, 0x5555_5555_5555_5555)];
-    for (distance, mask) in STAGES {
-        for i in 0..8 {
-            if i & distance == 0 {
-                swap_bits(&mut words, i, distance, mask);
-            }
-        }
-    }
-    words
-}
-
-/// Exchanges the high bits of `words[i]` with the low bits of its partner.
-#[inline(always)]
-fn swap_bits(words: &mut [u64], i: usize, distance: usize, mask: u64) {
-    let t = ((words[i] >> distance) ^ words[i + distance]) & mask;
-    words[i] ^= t << distance;
-    words[i + distance] ^= t;
 }

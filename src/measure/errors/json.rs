@@ -27,12 +27,9 @@ impl Recording {
     /// As [`summarise`], and where the spectrum of the totals cannot be told.
     pub fn said(&self) -> Result<Said> {
         let summary = summarise(&self.statistics)?;
-        Ok(Said {
-            told: self.told_with(&summary),
-            summary,
-            motion: self.motion(),
-            lines: frame_total_lines(&self.statistics)?,
-        })
+        let of_readouts = || rayon::join(|| self.motion(), || frame_total_lines(&self.statistics));
+        let (told, (motion, lines)) = rayon::join(|| self.told_with(&summary), of_readouts);
+        Ok(Said { told, summary, motion, lines: lines? })
     }
 }
 

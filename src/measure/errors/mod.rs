@@ -8,11 +8,14 @@
 mod clusters;
 mod json;
 mod motion;
+mod part;
 mod parts;
 mod pattern;
 mod scatter;
 mod totals;
 mod values;
+
+use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::measure::list::list_with;
@@ -103,10 +106,11 @@ impl Recording {
         let temporal = summary.temporal_of_rate.powi(2);
         let noise = self.scatter.sample(Quantity::Signal, told);
         let width = self.statistics.geometry.width();
-        let found = match told {
+        let of_patterns = || match told {
             0..2 => Vec::new(),
             _ => patterns(&rates, width, if temporal.is_finite() { temporal } else { 0.0 }, &noise),
         };
+        let (found, all) = rayon::join(of_patterns, || list_with(summary, &self.statistics));
         let quantities = Quantity::all(self.statistics.intervals.as_ref().map_or(&[1], |i| i.lags()));
         let one = |named: Named| {
             let (key, words, e) = (named.key.as_str(), named.words.as_str(), named.estimate);
@@ -121,7 +125,7 @@ impl Recording {
                 None => self.of_readouts(key, words, e),
             }
         };
-        list_with(summary, &self.statistics).into_iter().map(one).collect()
+        all.into_par_iter().map(one).collect()
     }
 
     /// Whether the scene moved between the halves of the recording.

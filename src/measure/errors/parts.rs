@@ -7,6 +7,7 @@
 
 use rayon::prelude::*;
 
+use super::part::{self, Part};
 use super::scatter::{Scatter, gap};
 use super::values::Quantity;
 use crate::error::Result;
@@ -16,13 +17,13 @@ use crate::measure::{Accumulator, MeasureOptions, Statistics};
 use crate::spikes::{Geometry, Packed};
 
 /// Readouts read at a time.
-const BATCH: usize = 496;
+const BATCH: usize = 248;
 
 /// A recording, and how its statistics scatter between its parts.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Recording {
-    /// The whole.
+    /// The whole, without the deviations of single readouts ([`Intervals::deviations`](crate::measure::Intervals::deviations)).
     pub statistics: Statistics,
     pub(super) scatter: Scatter,
 }
@@ -30,34 +31,26 @@ pub struct Recording {
 /// Takes the readouts of a recording of known length.
 pub struct Recorder {
     geometry: Geometry,
-    of_parts: MeasureOptions,
     at: usize,
     quarter: usize,
     whole: Vec<Accumulator>,
-    half: Vec<Accumulator>,
-    part: Vec<Accumulator>,
     scatter: Scatter,
 }
 
 impl Recorder {
-    /// A recorder for `readouts` readouts of a sensor, measured as by default.
+    /// A recorder for `readouts` readouts of a sensor, measured as by default but for the deviations of single readouts.
     ///
     /// # Errors
     /// As [`Accumulator::new`].
     pub fn new(geometry: Geometry, readouts: usize) -> Result<Self> {
         let options = MeasureOptions::default();
-        let (whole, quarter) = (bands(geometry, &options)?, readouts / 4);
-        let quantities = Quantity::all(&options.lags);
-        Ok(Self {
-            geometry,
-            at: 0,
-            quarter,
-            whole,
-            half: Vec::new(),
-            part: Vec::new(),
-            scatter: Scatter::new(quantities, geometry, readouts),
-            of_parts: MeasureOptions { frames: false, ..options },
-        })
+        // Nobody is told of each readout's intervals, which took a third of the time.
+        let of_pixels = MeasureOptions { frames: false, series_readouts: 0, ..options.clone() };
+        let of_frames = MeasureOptions { counts: false, intervals: false, ..options.clone() };
+        let mut whole = bands(geometry, &of_pixels)?;
+        whole.push(Accumulator::new(geometry, &of_frames)?);
+        let scatter = Scatter::new(Quantity::all(&options.lags), geometry, readouts);
+        Ok(Self { geometry, at: 0, quarter: readouts / 4, whole, scatter })
     }
 
     /// Takes the next readouts.
@@ -70,40 +63,54 @@ impl Recorder {
         let kept = self.quarter - gap(self.quarter);
         while !rest.is_empty() && self.at < 4 * self.quarter {
             let within = self.at % self.quarter;
+            if within == 0 {
+                self.begin_parts();
+            }
             let end = if within < kept { kept } else { self.quarter };
             let here = (end - within).min(rest.len() / size);
             let (now, later) = rest.split_at(here * size);
-            self.push_all(Packed::new(self.geometry, now)?, within < kept)?;
+            self.push_all(Packed::new(self.geometry, now)?)?;
             self.at += here;
             rest = later;
-            self.end_parts()?;
+            if within + here == kept {
+                self.end_parts()?;
+            }
         }
-        push(&mut self.whole, &mut [], &mut [], Packed::new(self.geometry, rest)?)
+        self.push_all(Packed::new(self.geometry, rest)?)
     }
 
-    /// Gives the whole, and the part and the half that are open, what is theirs of readouts that lie in a gap or not.
-    fn push_all(&mut self, now: Packed<'_>, kept: bool) -> Result<()> {
-        if self.at.is_multiple_of(self.quarter) {
-            self.part = bands(self.geometry, &self.of_parts)?;
+    /// Gives readouts to all accumulators, side by side.
+    fn push_all(&mut self, frames: Packed<'_>) -> Result<()> {
+        match self.whole.len() {
+            0..=2 => self.whole.iter_mut().try_for_each(|a| a.push(frames)),
+            _ => self.whole.par_iter_mut().with_max_len(1).try_for_each(|a| a.push(frames)),
         }
-        if self.at.is_multiple_of(2 * self.quarter) {
-            self.half = bands(self.geometry, &self.of_parts)?;
-        }
-        // The first gap of a half is within it.
-        let half =
-            if kept || (self.at / self.quarter).is_multiple_of(2) { &mut self.half[..] } else { &mut [] };
-        let part = if kept { &mut self.part[..] } else { &mut [] };
-        push(&mut self.whole, half, part, now)
     }
 
+    /// Begins a quarter, and with every other one a half, which goes on in the gap within it.
+    fn begin_parts(&mut self) {
+        let half = self.at.is_multiple_of(2 * self.quarter);
+        self.whole.par_iter_mut().for_each(|a| {
+            part::begin(a, Part::Quarter);
+            if half {
+                part::begin(a, Part::Half);
+            }
+        });
+    }
+
+    /// Ends a quarter, and with every other one a half.
     fn end_parts(&mut self) -> Result<()> {
-        if self.at.is_multiple_of(self.quarter) {
-            self.scatter.add_quarter(&joined(std::mem::take(&mut self.part))?);
-        }
-        if self.at.is_multiple_of(2 * self.quarter) {
-            self.scatter.add_half(&joined(std::mem::take(&mut self.half))?);
+        let quarter = self.ended(Part::Quarter)?;
+        self.scatter.add_quarter(&quarter);
+        if !((self.at - 1) / self.quarter).is_multiple_of(2) {
+            let half = self.ended(Part::Half)?;
+            self.scatter.add_half(&half);
         }
         Ok(())
+    }
+
+    fn ended(&mut self, part: Part) -> Result<Statistics> {
+        Statistics::join(self.whole.par_iter_mut().filter_map(|a| part::end(a, part)).collect())
     }
 
     /// What was recorded.
@@ -115,22 +122,6 @@ impl Recorder {
     }
 }
 
-/// Gives readouts to the accumulators of the whole, of a half and of a part, all side by side.
-fn push(
-    whole: &mut [Accumulator],
-    half: &mut [Accumulator],
-    part: &mut [Accumulator],
-    frames: Packed<'_>,
-) -> Result<()> {
-    match whole.len() {
-        0..=2 => whole.iter_mut().chain(half).chain(part).try_for_each(|a| a.push(frames)),
-        _ => {
-            let parts = half.par_iter_mut().chain(part.par_iter_mut());
-            whole.par_iter_mut().chain(parts).with_max_len(1).try_for_each(|a| a.push(frames))
-        }
-    }
-}
-
 impl Recording {
     /// Measures a whole stream. `tell` hears how many readouts are done.
     ///
@@ -139,15 +130,22 @@ impl Recording {
     pub fn of_stream(reader: &Reader, tell: &mut dyn FnMut(usize)) -> Result<Self> {
         let geometry = reader.geometry();
         let mut recorder = Recorder::new(geometry, reader.readouts())?;
-        let mut buffer = vec![0; BATCH * geometry.frame_bytes()];
+        let size = geometry.frame_bytes();
+        let [mut now, mut next] = [(); 2].map(|()| vec![0; BATCH * size]);
+        let all = reader.readouts();
+        let batch = |at: usize| at..(at + BATCH).min(all);
+        reader.read_frames(0, &mut now[..batch(0).len() * size])?;
         let mut at = 0;
-        while at < reader.readouts() {
-            let now = BATCH.min(reader.readouts() - at);
-            let bytes = &mut buffer[..now * geometry.frame_bytes()];
-            reader.read_frames(at, bytes)?;
-            recorder.push(Packed::new(geometry, bytes)?)?;
-            reader.release(at..at + now);
-            at += now;
+        while at < all {
+            // One core reads on while others measure.
+            let (here, then) = (batch(at), batch((at + BATCH).min(all)));
+            let measured = || recorder.push(Packed::new(geometry, &now[..here.len() * size])?);
+            let read = || reader.read_frames(then.start, &mut next[..then.len() * size]);
+            let (measured, read) = rayon::join(measured, read);
+            measured.and(read)?;
+            reader.release(here.clone());
+            std::mem::swap(&mut now, &mut next);
+            at = here.end;
             tell(at);
         }
         recorder.finish()

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::clusters::{clustered, widened, widened_root};
 use super::values::mean;
+use crate::kernels::counting;
 use crate::measure::maps::{line_excess, line_means};
 use crate::measure::{
     borders, finite, high_pass, map_correlations, median, median_and_spread, pattern_correlations,
@@ -98,20 +99,30 @@ fn wild(rates: &[f64], width: usize, temporal: f64, noise: &[f64]) -> [f64; KEYS
     // Drawn one after the other, so that they are the same for any number of threads.
     let signs: Vec<Vec<u64>> =
         (0..rounds).map(|_| (0..rates.len().div_ceil(64)).map(|_| random.next_u64()).collect()).collect();
-    let one = |signs: &Vec<u64>| {
-        let moved = |(p, (rate, by)): (usize, (&f64, &f64))| {
-            let by = if by.is_finite() { *by } else { 0.0 };
-            rate + if signs[p / 64] >> (p % 64) & 1 == 0 { by } else { -by }
-        };
-        let map: Vec<f64> = rates.iter().zip(noise).enumerate().map(moved).collect();
-        values(&map, width, temporal)
-    };
+    let noise: Vec<f64> = noise.iter().map(|by| if by.is_finite() { *by } else { 0.0 }).collect();
+    let one = |signs: &Vec<u64>| values(&moved(rates, &noise, signs), width, temporal);
     let drawn: Vec<[f64; KEYS.len()]> = signs.par_iter().map(one).collect();
     std::array::from_fn(|i| {
         let all: Vec<f64> = drawn.iter().map(|d| d[i]).collect();
         let n = all.len() as f64;
         widened((variance(&all) * n / (n - 1.0)).sqrt(), n - 1.0)
     })
+}
+
+/// Rates to which noise is added, or taken off where a bit of `signs` is set.
+fn moved(rates: &[f64], noise: &[f64], signs: &[u64]) -> Vec<f64> {
+    let mut moved = rates.to_vec();
+    counting(
+        #[inline(always)]
+        || {
+            for ((moved, noise), signs) in moved.chunks_mut(64).zip(noise.chunks(64)).zip(signs) {
+                for ((bit, rate), by) in (0_u32..).zip(moved).zip(noise) {
+                    *rate += f64::from_bits(by.to_bits() ^ (signs >> bit) << 63);
+                }
+            }
+        },
+    );
+    moved
 }
 
 /// Errors of [`values`] between sensors of a kind.

@@ -1,9 +1,8 @@
 //! Spikes in the halves of rows and columns of one readout.
 
-use super::pair_sums::PairSums;
-use crate::kernels::{Counters, GROUPS, TILE, load};
+use super::pair_sums::{Lines, PairSums};
+use crate::kernels::{Bits, Counters, GROUPS, Shorts, TILE, Work, counting_with, load};
 use crate::spikes::Geometry;
-use wide::u64x4;
 
 /// Where the halves of a row lie in its words.
 pub(super) struct RowHalves {
@@ -12,7 +11,7 @@ pub(super) struct RowHalves {
     left: (usize, u64),
     /// The middle pixel of an odd width: its word and bit, or no bit.
     middle: (usize, u64),
-    sums: Vec<PairSums>,
+    sums: Lines,
 }
 
 impl RowHalves {
@@ -24,49 +23,54 @@ impl RowHalves {
             stride,
             left: (half / 64, bit - 1),
             middle: (half / 64, if width % 2 == 1 { bit } else { 0 }),
-            sums: vec![PairSums::default(); geometry.height()],
+            sums: Lines::new(geometry.height(), half),
         }
     }
 
     /// Adds a readout; returns the spikes in its left and right half.
     pub(super) fn add(&mut self, words: &[u64]) -> (u64, u64) {
+        counting_with(Rows(self, words))
+    }
+
+    #[inline(always)]
+    fn take(&mut self, words: &[u64]) -> (u64, u64) {
+        self.sums.begin();
         let (mut all_left, mut all_right) = (0, 0);
-        for (row, sums) in words.chunks_exact(self.stride).zip(&mut self.sums) {
+        for (line, row) in words.chunks_exact(self.stride).enumerate() {
             let (before, after) = row.split_at(self.left.0);
             let (shared, after) = after.split_first().unwrap_or((&0, &[]));
-            let left = ones(before) + u64::from((shared & self.left.1).count_ones());
-            let odd = u64::from(row[self.middle.0] & self.middle.1 != 0);
-            let right = ones(after) + u64::from((shared & !self.left.1).count_ones()) - odd;
-            sums.add(left, right);
-            all_left += left;
-            all_right += right;
+            let left = ones(before) + (shared & self.left.1).count_ones();
+            let odd = u32::from(row[self.middle.0] & self.middle.1 != 0);
+            let right = ones(after) + (shared & !self.left.1).count_ones() - odd;
+            self.sums.add(line, left, right);
+            all_left += u64::from(left);
+            all_right += u64::from(right);
         }
         (all_left, all_right)
     }
 
     pub(super) fn finish(self) -> Vec<PairSums> {
-        self.sums
+        self.sums.finish()
     }
 }
 
-/// The set bits of a few words. Bytes of counts are added over up to 31 words
-/// before they are summed, which halves the work on a CPU without a
-/// population count.
-fn ones(words: &[u64]) -> u64 {
-    const PAIRS: u64 = 0x5555_5555_5555_5555;
-    const NIBBLES: u64 = 0x3333_3333_3333_3333;
-    const BYTES: u64 = 0x0F0F_0F0F_0F0F_0F0F;
+struct Rows<'a>(&'a mut RowHalves, &'a [u64]);
+
+impl Work for Rows<'_> {
+    type Out = (u64, u64);
+
+    #[inline(always)]
+    fn run<S: Shorts, B: Bits>(self, _: S, _: B) -> (u64, u64) {
+        self.0.take(self.1)
+    }
+}
+
+/// The set bits of a few words.
+#[inline(always)]
+fn ones(words: &[u64]) -> u32 {
     let mut sum = 0;
-    for run in words.chunks(31) {
-        let mut bytes = 0;
-        for word in run {
-            let pairs = word - (word >> 1 & PAIRS);
-            let nibbles = (pairs & NIBBLES) + (pairs >> 2 & NIBBLES);
-            bytes += (nibbles + (nibbles >> 4)) & BYTES;
-        }
-        // Sums of 31 bytes of at most 8 fit a byte, their total needs 16 bits.
-        let halves = (bytes & 0x00FF_00FF_00FF_00FF) + (bytes >> 8 & 0x00FF_00FF_00FF_00FF);
-        sum += halves.wrapping_mul(0x0001_0001_0001_0001) >> 48;
+    for word in words {
+        sum += word.count_ones();
     }
     sum
 }
@@ -77,7 +81,7 @@ pub(super) struct ColumnHalves {
     stride: usize,
     top: Vec<u32>,
     bottom: Vec<u32>,
-    sums: Vec<PairSums>,
+    sums: Lines,
 }
 
 impl ColumnHalves {
@@ -88,44 +92,62 @@ impl ColumnHalves {
             stride,
             top: vec![0; columns],
             bottom: vec![0; columns],
-            sums: vec![PairSums::default(); columns],
+            sums: Lines::new(columns, geometry.height() / 2),
         }
     }
 
     /// Adds a readout; returns the spikes in its upper and lower half.
     pub(super) fn add(&mut self, slot: &[u64]) -> (u64, u64) {
-        let height = self.geometry.height();
-        let half = height / 2;
-        count_columns(slot, self.stride, 0..half, &mut self.top);
-        count_columns(slot, self.stride, height - half..height, &mut self.bottom);
-        let (mut top, mut bottom) = (0, 0);
-        for ((sums, a), b) in self.sums.iter_mut().zip(&self.top).zip(&self.bottom) {
-            let (a, b) = (u64::from(*a), u64::from(*b));
-            sums.add(a, b);
-            top += a;
-            bottom += b;
-        }
-        (top, bottom)
+        counting_with(Columns(self, slot))
     }
 
-    pub(super) fn finish(mut self) -> Vec<PairSums> {
-        self.sums.truncate(self.geometry.width());
-        self.sums
+    #[inline(always)]
+    fn take<B: Bits>(&mut self, b: B, slot: &[u64]) -> (u64, u64) {
+        let height = self.geometry.height();
+        let half = height / 2;
+        count_columns(b, slot, self.stride, 0..half, &mut self.top);
+        count_columns(b, slot, self.stride, height - half..height, &mut self.bottom);
+        self.sums.begin();
+        self.sums.add_all(&self.top, &self.bottom)
+    }
+
+    pub(super) fn finish(self) -> Vec<PairSums> {
+        let mut sums = self.sums.finish();
+        sums.truncate(self.geometry.width());
+        sums
+    }
+}
+
+struct Columns<'a>(&'a mut ColumnHalves, &'a [u64]);
+
+impl Work for Columns<'_> {
+    type Out = (u64, u64);
+
+    #[inline(always)]
+    fn run<S: Shorts, B: Bits>(self, _: S, b: B) -> (u64, u64) {
+        self.0.take(b, self.1)
     }
 }
 
 /// Counts the spikes of each column over some rows of a readout.
-fn count_columns(slot: &[u64], stride: usize, rows: std::ops::Range<usize>, counts: &mut [u32]) {
+#[inline(always)]
+fn count_columns<B: Bits>(
+    b: B,
+    slot: &[u64],
+    stride: usize,
+    rows: std::ops::Range<usize>,
+    counts: &mut [u32],
+) {
     counts.fill(0);
     for at in (0..stride).step_by(TILE) {
         for from in rows.clone().step_by(GROUPS * 8) {
             let to = (from + GROUPS * 8).min(rows.end);
-            let counters = count_rows(slot, stride, from..to, at);
+            let found = count_rows(b, slot, stride, from..to, at).counts(b);
             // A tile may reach into the next row, whose words are not wanted.
-            for lane in 0..TILE.min(stride - at) {
-                let columns = &mut counts[(at + lane) * 64..][..64];
-                for (sum, count) in columns.iter_mut().zip(counters.counts(lane)) {
-                    *sum += u32::from(count);
+            let columns = counts[at * 64..].chunks_exact_mut(64);
+            for (columns, found) in columns.zip(&found) {
+                for (sum, count) in columns.iter_mut().zip(found) {
+                    *sum += u32::from(*count);
                 }
             }
         }
@@ -133,14 +155,21 @@ fn count_columns(slot: &[u64], stride: usize, rows: std::ops::Range<usize>, coun
 }
 
 /// Counts of a tile's columns over at most 248 rows.
-fn count_rows(slot: &[u64], stride: usize, rows: std::ops::Range<usize>, at: usize) -> Counters {
-    let mut counters = Counters::new();
+#[inline(always)]
+fn count_rows<B: Bits>(
+    b: B,
+    slot: &[u64],
+    stride: usize,
+    rows: std::ops::Range<usize>,
+    at: usize,
+) -> Counters<B> {
+    let mut counters = Counters::new(b);
     for row in rows.clone().step_by(8) {
-        let mut inputs = [u64x4::new([0; TILE]); 8];
+        let mut inputs = [b.row(&[0; TILE]); 8];
         for (input, r) in inputs.iter_mut().zip(row..rows.end) {
-            *input = load(slot, r * stride + at);
+            *input = load(b, slot, r * stride + at);
         }
-        counters.add8(&inputs);
+        counters.add8(b, &inputs);
     }
     counters
 }

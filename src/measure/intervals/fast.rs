@@ -1,5 +1,5 @@
 //! Sums over the new spikes of a pixel that has been firing for long: 16-bit
-//! times, sixteen intervals per instruction where the CPU can.
+//! times, sixteen or thirty-two intervals per instruction where the CPU can.
 //!
 //! All times of the block and of the kept history are taken relative to the
 //! oldest one. When that span is at most [`span_limit`], no sum of squared
@@ -125,6 +125,9 @@ pub(super) struct Found {
     pub(super) longest: u32,
     /// Intervals of at most `centre - 3 + j` readouts.
     pub(super) within: [u32; CUMULATIVE],
+    /// The pixel's fences, and the intervals above each.
+    pub(super) fences: [i16; FENCES],
+    pub(super) above: [u32; FENCES],
 }
 
 /// Calls `visit` for every interval in `range` below `low` or above `high`. Zeros follow the last.
@@ -151,6 +154,44 @@ pub(super) fn outliers<S: Shorts>(
     }
 }
 
+/// Fences of a pixel: two for short and long intervals, and those at whole readouts.
+pub(super) const FENCES: usize = 2 + CUMULATIVE;
+
+/// The fences of a pixel in 16 bits: no interval lies beyond one that is greater.
+#[inline(always)]
+pub(super) fn fences(pixel: &Pixel) -> [i16; FENCES] {
+    pixel.fences().map(|length| length.clamp(0, i64::from(i16::MAX)) as i16)
+}
+
+/// How many intervals that end at entries `from..end` lie beyond each fence. Zeros follow them.
+#[inline(always)]
+pub(super) fn above<S: Shorts>(
+    s: S,
+    intervals: &[i16],
+    from: usize,
+    end: usize,
+    fences: [i16; FENCES],
+) -> [u32; FENCES] {
+    let beyond = splat(s, fences);
+    let mut above = [s.none(); FENCES];
+    for x in chunks(intervals, from, (end - from).next_multiple_of(SHORTS)) {
+        let x = s.load(x);
+        for (count, fence) in above.iter_mut().zip(beyond) {
+            *count = s.count_greater(*count, x, fence);
+        }
+    }
+    s.counted(above)
+}
+
+#[inline(always)]
+fn splat<S: Shorts>(s: S, fences: [i16; FENCES]) -> [S::Short; FENCES] {
+    let mut all = [s.splat(0); FENCES];
+    for (vector, fence) in all.iter_mut().zip(fences) {
+        *vector = s.splat(fence);
+    }
+    all
+}
+
 /// Adds products of successive intervals, extremes, and the counts at the
 /// pixel's fences, for the intervals that end at entries `from..end`. Zeros
 /// follow them: they lie beyond no fence and add nothing to a product.
@@ -162,44 +203,44 @@ pub(super) fn add_intervals<S: Shorts>(
     end: usize,
     pixel: &mut Pixel,
 ) -> Found {
-    let mut fences = [s.splat(0); 8];
-    for (fence, length) in fences.iter_mut().zip(pixel.fences()) {
-        *fence = s.splat(length.clamp(0, i64::from(i16::MAX)) as i16);
-    }
-    let mut above = [s.splat(0); 8];
+    let fences = fences(pixel);
+    let beyond = splat(s, fences);
+    let mut above = [s.none(); FENCES];
     // Sums of eight go together; six of these stay empty.
     let mut products = [s.zero(); 8];
     let (mut shortest, mut longest) = (s.splat(i16::MAX), s.splat(0));
     let (one, most) = (s.splat(1), s.splat(i16::MAX));
     let n = (end - from).next_multiple_of(SHORTS);
     let before = [1, 2].map(|apart| chunks(intervals, from - apart, n));
+    let last = n / SHORTS - 1;
     for (at, x) in chunks(intervals, from, n).iter().enumerate() {
         let x = s.load(x);
         for (sum, before) in products.iter_mut().zip(before) {
             *sum = s.add_products(*sum, x, s.load(&before[at]));
         }
         longest = s.max(longest, x);
-        // The zeros behind the last count as the greatest.
-        shortest = s.min(shortest, s.or(x, s.and(s.greater(one, x), most)));
-        for (count, fence) in above.iter_mut().zip(fences) {
-            // A comparison is -1 where it holds.
-            *count = s.sub(*count, s.greater(x, fence));
+        if at < last {
+            shortest = s.min(shortest, x);
+        } else {
+            // The zeros behind the last count as the greatest.
+            shortest = s.min(shortest, s.or(x, s.and(s.greater(one, x), most)));
+        }
+        for (count, fence) in above.iter_mut().zip(beyond) {
+            *count = s.count_greater(*count, x, fence);
         }
     }
     for (sum, product) in pixel.products.iter_mut().zip(s.totals(products)) {
         *sum += product as u64;
     }
-    let mut counts = [s.zero(); 8];
-    for (count, above) in counts.iter_mut().zip(above) {
-        *count = s.add_products(*count, above, one);
-    }
-    let above = s.totals(counts).map(|count| count as u32);
+    let above = s.counted(above);
     let n = (end - from) as u32;
     let found = Found {
         shortest: s.least(shortest) as u32,
         // The least of what lacks to the greatest.
         longest: (i16::MAX - s.least(s.sub(most, longest))) as u32,
         within: std::array::from_fn(|j| n - above[2 + j]),
+        fences,
+        above,
     };
     pixel.shortest = pixel.shortest.min(found.shortest);
     pixel.longest = pixel.longest.max(found.longest);

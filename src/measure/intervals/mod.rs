@@ -4,6 +4,11 @@
 mod decode;
 mod fast;
 mod lengths;
+#[cfg_attr(
+    not(all(feature = "files", feature = "threads")),
+    allow(dead_code, reason = "only recordings are measured in parts")
+)]
+mod parts;
 mod pixel;
 mod readouts;
 mod result;
@@ -19,6 +24,7 @@ use crate::kernels::{Bits, Places, SLACK, Shorts, WORDS, Work, counting_with};
 use crate::spikes::Geometry;
 use decode::{Histories, History};
 use lengths::Tally;
+use parts::Open;
 use pixel::Pixel;
 pub(super) use readouts::DeviationSum;
 use readouts::REFERENCE;
@@ -26,16 +32,9 @@ use readouts::Readouts;
 
 pub(super) use decode::LONGEST_LAG;
 pub use lengths::Lengths;
+use result::Snapshot;
 pub use result::{Deviation, Halves, Intervals, PixelIntervals};
 pub use variance::PhaseNoise;
-
-/// Spikes, last spikes and squares at the split.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Snapshot {
-    spikes: Vec<u32>,
-    last: Vec<u32>,
-    squares: Vec<u64>,
-}
 
 /// What is kept while frames come in.
 pub(super) struct State {
@@ -48,7 +47,12 @@ pub(super) struct State {
     span_limit: u32,
     series: usize,
     scratch: Scratch,
+    /// Parts of the stream that are measured with it.
+    open: [Option<Open>; PARTS],
 }
+
+/// Parts that may be open at a time.
+pub(super) const PARTS: usize = 2;
 
 /// Buffers of one pixel's work.
 struct Scratch {
@@ -94,6 +98,7 @@ impl State {
             history: vec![0; pixels * depth],
             span_limit: fast::span_limit(longest),
             series,
+            open: [None, None],
             scratch: Scratch {
                 times: Box::new([0; _]),
                 intervals: vec![0; room],
@@ -113,6 +118,11 @@ impl State {
                 deviations: Vec::new(),
             },
         }
+    }
+
+    /// Whether [`Self::push`] still has to be told of readouts: for the series of deviations.
+    pub(super) fn wants_totals(&self) -> bool {
+        self.result.deviations.len() < self.series
     }
 
     /// Takes the number of spikes of readout `i` of the next block, before that is processed.
@@ -210,6 +220,16 @@ impl State {
         }
         let pixel = &mut self.result.pixels[p];
         let found = fast::add_intervals(s, intervals, depth, end, pixel);
+        for open in self.open.iter_mut().flatten() {
+            open.add_fast(
+                s,
+                p,
+                pixel.spikes,
+                parts::Times { times, at: depth, end, start },
+                intervals,
+                &found,
+            );
+        }
         pixel.spikes += (end - depth) as u32;
         self.tally.add_found(s, &found, pixel.centre(), intervals, depth..end);
         if self.result.deviations.len() < self.series {
@@ -237,12 +257,29 @@ impl State {
         }
         let lags = &self.result.lags;
         let sums = &mut self.result.sums[p * lags.len()..(p + 1) * lags.len()];
+        for open in self.open.iter_mut().flatten() {
+            open.add_exact(p, pixel.spikes, times, known);
+        }
         pixel.add_each(times, known, lags, sums, &mut self.scratch.readouts);
         for k in known.max(1)..times.len() {
             self.tally.add(k, times[k] - times[k - 1]);
         }
         let kept = times.len().min(self.depth);
         history[self.depth - kept..].copy_from_slice(&times[times.len() - kept..]);
+    }
+
+    /// Begins part `which` at the next readout. What was pushed has been processed.
+    #[cfg_attr(not(all(feature = "files", feature = "threads")), allow(dead_code, reason = "as of parts"))]
+    pub(super) fn begin_part(&mut self, which: usize) {
+        self.open[which] = Some(Open::new(&self.result, self.depth));
+    }
+
+    /// The intervals of part `which`, without the histogram of lengths, the extremes, and deviations by readout; `None` if it never
+    /// began.
+    #[cfg_attr(not(all(feature = "files", feature = "threads")), allow(dead_code, reason = "as of parts"))]
+    pub(super) fn end_part(&mut self, which: usize) -> Option<Intervals> {
+        let open = self.open[which].take()?;
+        Some(open.end(&self.result, &self.history))
     }
 
     /// Remembers the sums of the first half.

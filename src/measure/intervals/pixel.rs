@@ -67,7 +67,8 @@ impl Pixel {
         }
     }
 
-    fn judge(&mut self, interval: u32) {
+    /// Counts an interval at the fences.
+    pub(super) fn judge(&mut self, interval: u32) {
         let above = self.fences().map(|f| u32::from(i64::from(interval) > f));
         self.add_above(1, above);
     }

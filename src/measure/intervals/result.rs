@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::super::estimate::{Estimate, median};
 use super::pixel::{CUMULATIVE, Pixel};
 use super::readouts::REFERENCE;
-use super::{DeviationSum, Lengths, Snapshot};
+use super::{DeviationSum, Lengths};
 use crate::spikes::Geometry;
 
 /// Interval statistics of a band of rows.
@@ -28,6 +28,14 @@ pub struct Intervals {
     pub(super) lengths: Lengths,
     pub(super) split: Option<Snapshot>,
     pub(super) deviations: Vec<DeviationSum>,
+}
+
+/// Spikes, last spikes and squares at the split.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Snapshot {
+    pub(super) spikes: Vec<u32>,
+    pub(super) last: Vec<u32>,
+    pub(super) squares: Vec<u64>,
 }
 
 /// The intervals of one pixel.
@@ -99,6 +107,18 @@ impl Intervals {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.pixels.is_empty()
+    }
+
+    /// Spikes of each pixel.
+    #[cfg(all(feature = "files", feature = "threads"))]
+    pub(in crate::measure) fn spikes(&self) -> impl Iterator<Item = u32> {
+        self.pixels.iter().map(|p| p.spikes)
+    }
+
+    /// The readouts of each pixel's first and last spike, or [`super::NEVER`] without one.
+    #[cfg(all(feature = "files", feature = "threads"))]
+    pub(in crate::measure) fn ends(&self) -> impl Iterator<Item = (u32, u32)> {
+        self.pixels.iter().zip(&self.latest).map(|(p, latest)| (p.first[0], latest[2]))
     }
 
     /// Number of intervals and their sum.

@@ -54,6 +54,14 @@ fn weights(lag: u32, intervals: u32) -> [f64; 2] {
     [n - n * n / all, 1.0 + n * n / (all * all) - 2.0 * n / (all * terms)]
 }
 
+/// The nearest float. Most numbers have 64 bits, of which the CPU makes one itself.
+fn float(x: i128) -> f64 {
+    match i64::try_from(x) {
+        Ok(x) => x as f64,
+        Err(_) => x as f64,
+    }
+}
+
 impl Intervals {
     fn lag_index(&self, lag: u32) -> Option<usize> {
         self.lags.iter().position(|l| *l == lag)
@@ -72,7 +80,7 @@ impl Intervals {
         // At most 2^28 intervals and readouts, lags of at most 2^6, squares
         // below 2^62: no term exceeds 2^119.
         let numerator = all * all * squares - 2 * n * all * span * sum + terms * n * n * span * span;
-        numerator as f64 / (all * all * terms) as f64
+        float(numerator) / float(all * all * terms)
     }
 
     /// `D(n)` per pixel, in readouts squared: NaN where a pixel has fewer than
@@ -180,7 +188,7 @@ impl Intervals {
         let (all, span, k) = (wide(intervals), wide(span), wide(intervals) - apart as i128);
         let products = i128::from(pixel.products[apart - 1]);
         let numerator = all * all * products - all * span * (early + late) + k * span * span;
-        numerator as f64 / (all * all * k) as f64
+        float(numerator) / float(all * all * k)
     }
 
     /// Autocovariance of intervals 1 or 2 `apart`, mean over `pixels`, in

@@ -2,12 +2,16 @@
 //! smooth part. Maps are row-major with rows of `width`; NaN is no value.
 
 mod neighbours;
+mod rough;
 
 use std::ops::Range;
 
 pub use neighbours::pattern_correlations;
+pub use rough::high_pass;
+use rough::{BOX, Sum};
 
 use super::estimate::{Estimate, median, median_and_spread};
+use crate::kernels::counting;
 
 /// The entries of the box of `radius` around pixel `p` that lie on the map.
 fn neighbourhood(map: &[f64], width: usize, p: usize, radius: usize) -> impl Iterator<Item = f64> + '_ {
@@ -18,77 +22,31 @@ fn neighbourhood(map: &[f64], width: usize, p: usize, radius: usize) -> impl Ite
         .filter(|x| x.is_finite())
 }
 
-/// What is left of a map when the mean of the surrounding 5x5 box is taken
-/// off, scaled by `sqrt(n / (n - 1))` for the `n` pixels of the box, so that
-/// white noise keeps its variance: the high-pass of EMVA 1288, release 4, with
-/// its factor applied per pixel, so that the borders keep theirs too.
-#[must_use]
-pub fn high_pass(map: &[f64], width: usize) -> Vec<f64> {
-    let mut left = Vec::with_capacity(map.len());
-    let rows: Vec<Vec<Sum>> = map.chunks_exact(width).map(|row| along(row, BOX)).collect();
-    let mut near = vec![Sum::default(); width];
-    for (r, row) in map.chunks_exact(width).enumerate() {
-        near.fill(Sum::default());
-        for other in &rows[r.saturating_sub(BOX)..(r + BOX + 1).min(rows.len())] {
-            near.iter_mut().zip(other).for_each(|(sum, of)| sum.add(*of));
-        }
-        let of_pixel = |(x, near): (&f64, &Sum)| match near.count < 2.0 {
-            true => f64::NAN,
-            false => (x - near.mean()) * f64::sqrt(near.count / (near.count - 1.0)),
-        };
-        left.extend(row.iter().zip(&near).map(of_pixel));
-    }
-    left
-}
-
-/// Pixels on either side of the high-pass's own.
-const BOX: usize = 2;
-
-/// Of the finite entries among some.
-#[derive(Clone, Copy, Default)]
-struct Sum {
-    sum: f64,
-    count: f64,
-}
-
-impl Sum {
-    /// Of one entry. Without a branch, so that loops over rows run in lanes.
-    fn of(x: f64) -> Self {
-        let known = x.is_finite();
-        Self { sum: if known { x } else { 0.0 }, count: f64::from(u8::from(known)) }
-    }
-
-    fn add(&mut self, other: Self) {
-        self.sum += other.sum;
-        self.count += other.count;
-    }
-
-    /// NaN of none.
-    fn mean(self) -> f64 {
-        self.sum / self.count
-    }
-}
-
 /// The sum of products of two rows, in eight sums that take turns: one alone waits for each addition.
+#[inline(always)]
 fn of_products(a: &[f64], b: &[f64]) -> Sum {
-    let mut sums = [Sum::default(); 8];
-    for (a, b) in a.chunks(8).zip(b.chunks(8)) {
-        sums.iter_mut().zip(a).zip(b).for_each(|((sum, a), b)| sum.add(Sum::of(a * b)));
+    let (mut sums, mut counts) = ([0.0; 8], [0.0; 8]);
+    let (eights, rest) = a.as_chunks::<8>();
+    let (others, other_rest) = b.as_chunks::<8>();
+    for (a, b) in eights.iter().zip(others) {
+        for i in 0..8 {
+            let of = Sum::of(a[i] * b[i]);
+            sums[i] += of.sum;
+            counts[i] += of.count;
+        }
+    }
+    // One row may end before the other.
+    let both = eights.len().min(others.len());
+    let rest = if eights.len() > both { &eights[both][..] } else { rest };
+    let other_rest = if others.len() > both { &others[both][..] } else { other_rest };
+    for (i, (a, b)) in rest.iter().zip(other_rest).enumerate() {
+        let of = Sum::of(a * b);
+        sums[i] += of.sum;
+        counts[i] += of.count;
     }
     let mut all = Sum::default();
-    sums.into_iter().for_each(|sum| all.add(sum));
+    sums.into_iter().zip(counts).for_each(|(sum, count)| all.add(Sum { sum, count }));
     all
-}
-
-/// What lies within `radius` of each place of a row.
-fn along(row: &[f64], radius: usize) -> Vec<Sum> {
-    let mut sums = vec![Sum::default(); row.len()];
-    for by in 0..=2 * radius {
-        let (into, from) = (radius.saturating_sub(by), by.saturating_sub(radius));
-        let from = row.get(from..).unwrap_or_default();
-        sums.iter_mut().skip(into).zip(from).for_each(|(sum, x)| sum.add(Sum::of(*x)));
-    }
-    sums
 }
 
 /// Means of the rows and of the columns of a map, over their finite entries.
@@ -253,10 +211,19 @@ pub struct Correlations {
 /// white noise (so it tests against 0). A [`high_pass`] map of white noise has about -1/24: see [`pattern_correlations`].
 #[must_use]
 pub fn map_correlations(map: &[f64], width: usize) -> Correlations {
+    counting(
+        #[inline(always)]
+        || correlations(map, width),
+    )
+}
+
+#[inline(always)]
+fn correlations(map: &[f64], width: usize) -> Correlations {
     let all = Estimate::mean(map.iter().copied());
     let variance = all.error * all.error * all.samples as f64;
     let away: Vec<f64> = map.iter().map(|x| x - all.value).collect();
-    let with = |down: usize, right: isize| {
+    let mut found = [all; 4];
+    for (found, (down, right)) in found.iter_mut().zip([(0, 1), (1, 0), (1, 1), (1, -1_isize)]) {
         let (mut products, shift) = (Sum::default(), right.unsigned_abs());
         let rows = away.chunks_exact(width);
         for (row, other) in rows.clone().zip(rows.skip(down)) {
@@ -266,11 +233,12 @@ pub fn map_correlations(map: &[f64], width: usize) -> Correlations {
             };
             products.add(of_products(row, other));
         }
-        Estimate {
+        *found = Estimate {
             value: products.mean() / variance,
             error: 1.0 / products.count.sqrt(),
             samples: products.count as usize,
-        }
-    };
-    Correlations { right: with(0, 1), lower: with(1, 0), diagonal: with(1, 1), antidiagonal: with(1, -1) }
+        };
+    }
+    let [right, lower, diagonal, antidiagonal] = found;
+    Correlations { right, lower, diagonal, antidiagonal }
 }
