@@ -27,7 +27,7 @@ pub struct StreamWriter {
     readouts: u64,
     written: u64,
     growing: bool,
-    /// Frames as the file has them, before they are written.
+    /// Frames of a layout that adds something to them, before they are written.
     encoded: Vec<u8>,
     /// What was there may be overwritten.
     replaces: bool,
@@ -211,14 +211,27 @@ impl StreamWriter {
         for piece in packed.chunks(step * size) {
             let frames = piece.len() / size;
             let offset = self.start + self.written * self.codec.frame_bytes() as u64;
-            // Bits between frames are zero and stay so: every piece has its frames at the same places.
-            self.encoded.resize(step * self.codec.frame_bytes(), 0);
-            let encoded = &mut self.encoded[..frames * self.codec.frame_bytes()];
-            self.codec.encode(piece, encoded)?;
-            self.writer.write_at(offset, encoded)?;
-            self.digest.update(encoded);
+            self.put(offset, piece, frames * self.codec.frame_bytes())?;
             self.written += frames as u64;
         }
+        Ok(())
+    }
+
+    /// Puts frames that take `len` bytes of the file at `offset`. Those of spikes alone go straight into the mapped file. Where a layout adds something,
+    /// the whole is made beside it first: pages that are written take no fault each.
+    fn put(&mut self, offset: u64, packed: &[u8], len: usize) -> Result<()> {
+        if self.codec.frame_bytes() == self.geometry().frame_bytes() {
+            let window = self.writer.window(offset, len)?;
+            self.codec.encode(packed, window)?;
+            self.digest.update(window);
+            return Ok(());
+        }
+        // Bits that a layout adds are zero and stay so: every piece has its frames at the same places.
+        self.encoded.resize(self.encoded.len().max(len), 0);
+        let encoded = &mut self.encoded[..len];
+        self.codec.encode(packed, encoded)?;
+        self.writer.write_at(offset, encoded)?;
+        self.digest.update(encoded);
         Ok(())
     }
 
