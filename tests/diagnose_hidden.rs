@@ -27,6 +27,10 @@ fn sets_of(size: Size, hidden: &[(&str, f64)], seed: u64) -> (tempfile::TempDir,
     for (name, strength) in hidden {
         (kind(name).set)(&mut physics, *strength, [0.7, 0.5, 0.5]);
     }
+    takes(size, physics, seed)
+}
+
+fn takes(size: Size, physics: Physics, seed: u64) -> (tempfile::TempDir, [RecordingSet; 2]) {
     let sensor = Sensor::new(physics, size.width, size.height, seed);
     let folder = tempfile::tempdir().unwrap();
     let sets = [0, 1].map(|take| {
@@ -46,6 +50,10 @@ static REFERENCE: LazyLock<Reference> = LazyLock::new(|| {
 
 fn of(hidden: &[(&str, f64)], seed: u64) -> Diagnosis {
     let (_folder, sets) = sets(hidden, seed);
+    beside_the_reference(&sets)
+}
+
+fn beside_the_reference(sets: &[RecordingSet; 2]) -> Diagnosis {
     let options = DiagnoseOptions {
         reference: Some(&REFERENCE),
         seed: 7,
@@ -102,6 +110,20 @@ fn a_hidden_effect_is_named_and_the_gap_shrinks() {
             found.gap
         );
     }
+}
+
+/// A fit with all rows alike left 4,726 where 410 are the floor, and the name was a likeness.
+#[test]
+fn jitter_of_a_few_rows_is_named_plainly_and_their_number_told() {
+    // 8 of 24 rows have more than half of the width.
+    let physics = Physics { undecided: (0.03, 0.0, 7.0), ..Physics::default() };
+    let (_folder, sets) = takes(SIZE, physics, 23);
+    let found = beside_the_reference(&sets);
+    let effect = found.effects.iter().find(|e| e.name == "readout_jitter" && !e.resembles);
+    let said = &effect.unwrap_or_else(|| panic!("{found:?}")).parameters;
+    let spread = said.iter().find(|p| p.name == "spread").unwrap();
+    assert!((5.5..9.0).contains(&spread.value), "{said:?}");
+    assert!(spread.low > 4.0 && spread.high < 14.0, "{said:?}");
 }
 
 /// Sensors of the study were said to have -0.71 to -0.85, the furthest end of an interval at -0.96.

@@ -13,7 +13,8 @@ const EVERYWHERE: f64 = 1e6;
 /// Rows further from the centre than this many spreads have none, so that they run at full speed.
 const REACH: f64 = 3.0;
 
-/// The effect `readout_jitter`. A diagnosis looks for it in all rows alike.
+/// The effect `readout_jitter`. A diagnosis sees how unequally rows have it, and not which of them: it fits a band that begins at the top row. The
+/// same widths in the same number of rows elsewhere show as well.
 pub static EFFECT: Definition = Definition::new(
     "readout_jitter",
     "A pixel whose charge is within a width of its threshold at a readout is drawn to it and reports its spike then or at the \
@@ -37,7 +38,8 @@ pub static EFFECT: Definition = Definition::new(
             EVERYWHERE,
             8.0,
             "standard deviation of the Gaussian with which the width falls off, cut at three; 1000000 px is all rows",
-        ),
+        )
+        .tried(Tried::shape((4.0, 2000.0), &[30.0, 120.0])),
     ],
 )
 .with_edit(edit)

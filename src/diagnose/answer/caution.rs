@@ -3,8 +3,8 @@
 use super::diagnosis::{Diagnosis, Verdict};
 use crate::diagnose::null::reference::Reference;
 use crate::effects::{
-    Definition, adaptation, dead_time, flicker, gain_drift, leak, partial_reset, response_nonlinearity,
-    saturation_clamp, vignetting,
+    Definition, adaptation, dead_time, flicker, gain_drift, leak, partial_reset, readout_jitter,
+    response_nonlinearity, saturation_clamp, vignetting,
 };
 
 /// Deviation of the floor over the floor from which on a gap at its floor says nothing: `partial_reset` on four levels was said to be `dead_time`,
@@ -24,11 +24,15 @@ const BENT: [&Definition; 6] = [
 /// Cosine of two signatures from which on one may stand for the other.
 const ALIKE: f64 = 0.9;
 
-/// What the light in front of a camera does as well.
-const OF_THE_LIGHT: [(&Definition, &str); 3] = [
+/// What looks the same: light in front of a camera, or other places on it.
+const LOOKS_THE_SAME: [(&Definition, &str); 4] = [
     (&flicker::EFFECT, "; it is the light that swings: the lamp, and not the camera"),
     (&gain_drift::EFFECT, "; a lamp that drifts through all recordings looks the same"),
     (&vignetting::EFFECT, "; light that falls off to the corners looks the same"),
+    (
+        &readout_jitter::EFFECT,
+        "; which rows have it is not seen: a band about another row looks the same, with half the spread where it has two sides",
+    ),
 ];
 
 /// Names that are as likely, said with one at most.
@@ -51,8 +55,8 @@ pub(in crate::diagnose) fn cautious(d: &mut Diagnosis, reference: &Reference) {
         }
     }
     for effect in &mut d.effects {
-        let light = OF_THE_LIGHT.iter().find(|l| l.0.name == effect.name);
-        effect.evidence += light.map_or("", |l| l.1);
+        let same = LOOKS_THE_SAME.iter().find(|l| l.0.name == effect.name);
+        effect.evidence += same.map_or("", |l| l.1);
     }
     tie_bends(d, reference);
     let named = !d.misfits.is_empty() || d.effects.iter().any(|e| !e.resembles);
