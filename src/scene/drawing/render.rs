@@ -2,11 +2,12 @@
 
 use glam::Vec3;
 
+use super::band::Band;
 use super::fragment::{Facet, Latest, surface_key, world_way};
 use super::frame::Frame;
 use super::parallel;
 use super::picture::{Labels, Rendered, SamplesPerPixel};
-use super::raster::{Band, NOTHING, Pattern};
+use super::raster::{NOTHING, Pattern};
 use super::see::{Seen, rows_of, see};
 use super::shade;
 use super::tiles::{BAND_ROWS, Tiles};

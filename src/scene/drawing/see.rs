@@ -1,10 +1,11 @@
 //! What is seen where: visible triangles, labels of the pixels' centres, and where the sun shines.
 
+use super::band::Band;
 use super::fragment::{Latest, surface_key};
 use super::frame::Frame;
 use super::parallel;
 use super::picture::Labels;
-use super::raster::{Band, NOTHING, Pattern, project, visible_chunks};
+use super::raster::{NOTHING, Pattern, project, visible_chunks};
 use super::shade;
 use super::tiles::{BAND_ROWS, Tiles};
 use crate::scene::shapes::material::Semantic;

@@ -1,9 +1,10 @@
 //! What each stage of a render takes, for those who measure.
 
+use super::band::Band;
 use super::fragment::{Fragment, Latest};
 use super::frame::Frame;
 use super::picture::SamplesPerPixel;
-use super::raster::{Band, NOTHING, Pattern, project, visible_chunks};
+use super::raster::{NOTHING, Pattern, project, visible_chunks};
 use super::render::{Group, collect, shade_band, sun_share};
 use super::see::{centres, rows_of, see};
 use super::texture;
