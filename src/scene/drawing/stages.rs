@@ -38,7 +38,7 @@ impl Scene {
         let mut labels = |shadows: bool| {
             take(&mut || {
                 for (b, band) in seen.bands.iter().enumerate() {
-                    drop(centres(frame, band, pattern, (b, &runs), shadows));
+                    drop(centres(frame, band, pattern, (b, tiles), shadows));
                 }
             })
         };
@@ -63,7 +63,7 @@ impl Scene {
         });
         let shading = take(&mut || {
             for b in 0..seen.bands.len() {
-                drop(shade_band(frame, &seen, pattern, (b, &runs)));
+                drop(shade_band(frame, &seen, pattern, (b, tiles)));
             }
         });
         [
