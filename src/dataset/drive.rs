@@ -11,7 +11,7 @@ const LONGEST_BYTES: usize = 64 << 20;
 
 /// The light of a scene at every readout, in units of a white luminance.
 ///
-/// The picture is rendered in tiles, each as often as what it shows moves by half a pixel; readouts between
+/// The picture is rendered in tiles, each as often as what it shows moves by two fifths of a pixel; readouts between
 /// are carried along the motion. Memory holds the readouts of a span of at most 5 ms.
 pub struct Drive {
     scene: Scene,

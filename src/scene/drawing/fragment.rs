@@ -1,8 +1,8 @@
 //! From a sample to the surface point that it sees, exactly.
 
-use glam::{Vec2, Vec3};
+use glam::{Mat3, Vec2, Vec3};
 
-use super::frame::{Frame, Part};
+use super::frame::Frame;
 use super::texture::{Spot, VehicleSpot};
 use crate::scene::shapes::material::{Material, Semantic};
 use crate::scene::shapes::mesh::{TRIANGLE_BITS, Vertex};
@@ -61,16 +61,19 @@ pub(in crate::scene) fn surface_key(frame: &Frame, id: u32) -> (usize, u32) {
 pub(in crate::scene) struct Facet<'a> {
     id: u32,
     pub part: usize,
-    body: Part<'a>,
     vertices: [u32; 3],
     corners: [&'a Vertex; 3],
     pub material: Material,
     vehicle: Option<u32>,
-    /// One corner in camera coordinates, and the edges from it.
+    /// From the part's axes to the world's, and the part's origin there.
+    to_world: (Mat3, Vec3),
+    /// One corner in camera coordinates.
     corner: Vec3,
-    edges: (Vec3, Vec3),
-    /// Across the triangle, as long as twice its area.
+    /// Across the triangle, as long as twice its area, and how far along that the corner is.
     across: Vec3,
+    height: f32,
+    /// Times the way from the corner to a point they give its shares of both edges from there.
+    shares: (Vec3, Vec3),
     /// Depths of the nearest and farthest corner.
     reach: (f32, f32),
     /// Unit normal in the world, to either side.
@@ -84,6 +87,8 @@ impl<'a> Facet<'a> {
         let corners = body.mesh.corners(triangle);
         let [a, b, c] = corners.map(|v| body.to_camera(v.position));
         let edges = (b - a, c - a);
+        let across = edges.0.cross(edges.1);
+        let inverse = 1.0 / across.length_squared().max(1e-24);
         let z = [0.0, edges.0.z, edges.1.z];
         let near = (a.z + z[0].min(z[1]).min(z[2])).max(0.0);
         let far = a.z + z[0].max(z[1]).max(z[2]);
@@ -91,14 +96,15 @@ impl<'a> Facet<'a> {
         Self {
             id,
             part,
-            body,
+            to_world: (body.world_axes, body.world_origin),
             vertices: body.mesh.triangles[triangle],
             corners,
             material: body.mesh.surface(triangle).material,
             vehicle: body.vehicle,
             corner: a,
-            edges,
-            across: edges.0.cross(edges.1),
+            across,
+            height: across.dot(a),
+            shares: (edges.1.cross(across) * inverse, across.cross(edges.0) * inverse),
             reach: (near, far.max(near)),
             facet: body.world_axes * (q - p).cross(s - p).normalize_or_zero(),
         }
@@ -106,7 +112,7 @@ impl<'a> Facet<'a> {
 
     /// Depth at which a ray with z = 1 meets the plane: the rounding of the rasteriser plays no part.
     fn meets(&self, ray: Vec3) -> f32 {
-        let depth = self.across.dot(self.corner) / self.across.dot(ray);
+        let depth = self.height / self.across.dot(ray);
         let (near, far) = self.reach;
         // A triangle seen exactly edge-on has no plane to meet.
         if depth.is_finite() { depth.clamp(near, far) } else { near.midpoint(far) }
@@ -137,25 +143,25 @@ impl<'a> Facet<'a> {
 
     /// The surface point at pixel coordinates (x, y).
     pub(crate) fn at(&self, frame: &Frame<'a>, x: f32, y: f32) -> Fragment<'a> {
-        let (a, (e1, e2), n) = (self.corner, self.edges, self.across);
+        let (n, (along, aside)) = (self.across, self.shares);
         let r = ray(frame, x, y);
         let depth = self.meets(r);
-        let inverse = 1.0 / n.length_squared().max(1e-24);
-        let weights = |p: Vec3| (p.cross(e2).dot(n) * inverse, e1.cross(p).dot(n) * inverse);
-        let (u, v) = weights(r * depth - a);
-        let (u, v) = (u.clamp(0.0, 1.0), v.clamp(0.0, 1.0));
+        let to = r * depth - self.corner;
+        let (u, v) = (to.dot(along).clamp(0.0, 1.0), to.dot(aside).clamp(0.0, 1.0));
         // How the point moves on the plane with one pixel to the right and down.
         let f = 1.0 / frame.camera.intrinsics.focal_px as f32;
-        let facing = n.dot(r);
-        let slide = |d: Vec3| (d - r * (n.dot(d) / facing)) * (depth * f);
-        let (du, dv) = (weights(slide(Vec3::X)), weights(slide(Vec3::Y)));
+        let (facing, step) = (n.dot(r), depth * f);
+        let (tilt_x, tilt_y) = (n.x / facing, n.y / facing);
+        let (ru, rv) = (r.dot(along), r.dot(aside));
+        let du = ((along.x - ru * tilt_x) * step, (aside.x - rv * tilt_x) * step);
+        let dv = ((along.y - ru * tilt_y) * step, (aside.y - rv * tilt_y) * step);
         let [p, q, s] = self.corners;
         let blend = |a: Vec3, b: Vec3, c: Vec3| a + (b - a) * u + (c - a) * v;
         let local = blend(p.position, q.position, s.position);
         let normal = blend(p.normal, q.normal, s.normal).normalize_or_zero();
         let (t1, t2) = (q.uv - p.uv, s.uv - p.uv);
         let foot = (t1 * du.0 + t2 * du.1).abs() + (t1 * dv.0 + t2 * dv.1).abs();
-        let world = self.body.world_axes * local + self.body.world_origin;
+        let world = self.to_world.0 * local + self.to_world.1;
         let to = world - frame.eye;
         let distance = to.length();
         let way = to / distance.max(1e-6);
@@ -167,7 +173,7 @@ impl<'a> Facet<'a> {
             material: self.material,
             part: self.part,
             world,
-            normal: self.body.world_axes * normal,
+            normal: self.to_world.0 * normal,
             facet: if self.facet.dot(way) > 0.0 { -self.facet } else { self.facet },
             way,
             distance,
@@ -197,16 +203,25 @@ fn vehicle_spot<'a>(frame: &Frame<'a>, v: u32) -> VehicleSpot<'a> {
     }
 }
 
-/// The triangle that was asked for last: neighbours mostly show the same one.
-#[derive(Default)]
-pub(in crate::scene) struct Latest<'a>(Option<Facet<'a>>);
+/// Triangles that were asked for last: neighbours mostly show the same few.
+pub(in crate::scene) struct Latest<'a>(Vec<Option<Facet<'a>>>);
+
+/// Neighbouring triangles of a mesh have neighbouring numbers, and places of their own.
+const KEPT: usize = 64;
+
+impl Default for Latest<'_> {
+    fn default() -> Self {
+        Self(vec![None; KEPT])
+    }
+}
 
 impl<'a> Latest<'a> {
     /// Triangle `id`.
     pub(crate) fn get(&mut self, frame: &Frame<'a>, id: u32) -> &Facet<'a> {
-        if self.0.is_some_and(|facet| facet.id != id) {
-            self.0 = None;
+        let place = &mut self.0[id as usize % KEPT];
+        if place.as_ref().is_some_and(|facet| facet.id != id) {
+            *place = None;
         }
-        self.0.get_or_insert_with(|| Facet::of(frame, id))
+        place.get_or_insert_with(|| Facet::of(frame, id))
     }
 }

@@ -1,5 +1,6 @@
 //! From an instant of the scene to light at every pixel.
 
+pub(super) mod band;
 pub(super) mod fragment;
 pub(super) mod frame;
 pub(super) mod parallel;

@@ -1,10 +1,8 @@
-//! Triangles to sample rows: a visibility buffer filled scan line by scan line.
+//! From triangles of meshes to triangles of the picture, clipped and culled.
 //!
 //! A pixel's samples stand one to a row, each at its own offset (n rooks), so
 //! that nearly horizontal and nearly vertical edges both pass through all the
-//! levels. The label's sample is one more row through the pixel's centre. A
-//! row of samples is then a plain span of memory, whose depth test the
-//! compiler turns into lanes.
+//! levels. The label's sample is one more row through the pixel's centre.
 
 use glam::Vec3;
 
@@ -51,23 +49,23 @@ impl Pattern {
 
 /// A projected triangle: corners in pixels from top to bottom, depth as a plane.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::scene) struct Flat {
-    x: [f32; 3],
-    y: [f32; 3],
+pub(super) struct Flat {
+    pub x: [f32; 3],
+    pub y: [f32; 3],
     /// 1 / depth at the first corner, and its change per pixel.
-    inverse: f32,
-    slope: (f32, f32),
+    pub inverse: f32,
+    pub slope: (f32, f32),
     /// The nearest corner; a sliver's plane must not leap in front of it.
-    nearest: f32,
-    id: u32,
+    pub nearest: f32,
+    pub id: u32,
 }
 
 /// What a batch of triangles covers.
 #[derive(Debug, Default)]
 pub(in crate::scene) struct Batch {
-    flats: Vec<Flat>,
-    low: f32,
-    high: f32,
+    pub(super) flats: Vec<Flat>,
+    pub(super) low: f32,
+    pub(super) high: f32,
 }
 
 /// The chunks that may be in view of a tile that is drawn, as (part, chunk), city first.
@@ -209,109 +207,6 @@ impl<'a> Setup<'a> {
             nearest: inverse[0].max(inverse[1]).max(inverse[2]),
             id,
         });
-    }
-}
-
-/// The samples of a band of pixel rows.
-#[derive(Debug)]
-pub(in crate::scene) struct Band {
-    width: usize,
-    samples: usize,
-    inverse: Vec<f32>,
-    ids: Vec<u32>,
-}
-
-impl Band {
-    /// Rasterises all that reaches into some runs of columns of the pixel rows `top .. top + rows`.
-    pub(crate) fn fill(
-        batches: &[Batch],
-        pattern: &Pattern,
-        runs: &[(usize, usize)],
-        width: usize,
-        top: usize,
-        rows: usize,
-    ) -> Self {
-        let count = width * rows * pattern.rows();
-        let mut band =
-            Self { width, samples: pattern.rows(), inverse: vec![0.0; count], ids: vec![NOTHING; count] };
-        if runs.is_empty() {
-            return band;
-        }
-        let (low, high) = (top as f32, (top + rows) as f32);
-        for batch in batches.iter().filter(|b| b.low < high && b.high > low) {
-            for flat in &batch.flats {
-                if flat.y[0] < high && flat.y[2] > low {
-                    band.draw(flat, pattern, runs, (top, rows));
-                }
-            }
-        }
-        band
-    }
-
-    fn draw(&mut self, flat: &Flat, pattern: &Pattern, runs: &[(usize, usize)], (top, rows): (usize, usize)) {
-        let first = (flat.y[0] as usize).max(top);
-        let last = (flat.y[2] as usize).min(top + rows - 1);
-        let [long, upper, lower] =
-            [(0, 2), (0, 1), (1, 2)].map(|(a, b)| (flat.x[b] - flat.x[a]) / (flat.y[b] - flat.y[a]));
-        for row in first..=last {
-            for (k, &(dx, dy)) in pattern.offsets.iter().enumerate() {
-                let y = row as f32 + dy;
-                // Half-open in both directions: an edge belongs to one neighbour only.
-                if y < flat.y[0] || y >= flat.y[2] {
-                    continue;
-                }
-                let a = flat.x[0] + (y - flat.y[0]) * long;
-                let b = if y < flat.y[1] {
-                    flat.x[0] + (y - flat.y[0]) * upper
-                } else {
-                    flat.x[1] + (y - flat.y[1]) * lower
-                };
-                let (left, right) = (a.min(b), a.max(b));
-                let (from, to) = (at_least(left - dx), at_least(right - dx));
-                let line = ((row - top) * self.samples + k) * self.width;
-                for &(first, end) in runs {
-                    let (from, to) = (from.max(first), to.min(end));
-                    if from < to {
-                        let x = from as f32 + dx - flat.x[0];
-                        let start = flat.inverse + flat.slope.0 * x + flat.slope.1 * (y - flat.y[0]);
-                        let range = line + from..line + to;
-                        span(&mut self.inverse[range.clone()], &mut self.ids[range], start, flat);
-                    }
-                }
-            }
-        }
-    }
-
-    /// Samples that show anything.
-    pub(crate) fn covered(&self) -> u32 {
-        self.ids.iter().filter(|&&id| id != NOTHING).count() as u32
-    }
-
-    /// The triangles at sample `k` of a row of pixels.
-    pub(crate) fn line(&self, row: usize, k: usize) -> &[u32] {
-        &self.ids[(row * self.samples + k) * self.width..][..self.width]
-    }
-
-    /// The triangle at sample `k` of a pixel.
-    pub(crate) fn id(&self, row: usize, column: usize, k: usize) -> u32 {
-        self.ids[(row * self.samples + k) * self.width + column]
-    }
-}
-
-/// The least index that is not below `x`; a call of the system's `ceil` takes longer.
-fn at_least(x: f32) -> usize {
-    let below = x as usize;
-    below + usize::from((below as f32) < x)
-}
-
-/// The depth test along a row; larger inverse depth is nearer.
-fn span(inverse: &mut [f32], ids: &mut [u32], start: f32, flat: &Flat) {
-    let (slope, nearest, id) = (flat.slope.0, flat.nearest, flat.id);
-    for (i, (z, name)) in inverse.iter_mut().zip(ids).enumerate() {
-        let here = (start + slope * i as f32).min(nearest);
-        let nearer = here > *z;
-        *z = if nearer { here } else { *z };
-        *name = if nearer { id } else { *name };
     }
 }
 

@@ -2,11 +2,12 @@
 
 use glam::Vec3;
 
+use super::band::Band;
 use super::fragment::{Facet, Latest, surface_key, world_way};
 use super::frame::Frame;
 use super::parallel;
 use super::picture::{Labels, Rendered, SamplesPerPixel};
-use super::raster::{Band, NOTHING, Pattern};
+use super::raster::{NOTHING, Pattern};
 use super::see::{Seen, rows_of, see};
 use super::shade;
 use super::tiles::{BAND_ROWS, Tiles};
@@ -50,9 +51,8 @@ impl Scene {
         let pattern = Pattern::new(samples.count());
         let shadows = self.light.sun.max_element() > 0.0;
         let seen = see(frame, &pattern, tiles, shadows, threads);
-        let bands = parallel::map(threads, seen.bands.len(), |b| {
-            shade_band(frame, &seen, &pattern, (b, &tiles.runs(b)))
-        });
+        let bands =
+            parallel::map(threads, seen.bands.len(), |b| shade_band(frame, &seen, &pattern, (b, tiles)));
         let rgb: Vec<[f32; 3]> = bands.into_iter().flatten().collect();
         let light = rgb.iter().map(|&c| luminance(c.into())).collect();
         Rendered { labels: seen.labels, light, rgb }
@@ -75,16 +75,16 @@ pub(super) fn shade_band(
     frame: &Frame,
     seen: &Seen,
     pattern: &Pattern,
-    (index, runs): (usize, &[(usize, usize)]),
+    (index, tiles): (usize, &Tiles),
 ) -> Vec<[f32; 3]> {
     let (width, height) = (seen.labels.width, seen.labels.height);
-    let rows = rows_of(index, height);
+    let (rows, runs) = (rows_of(index, height), tiles.runs(index));
     let mut out = vec![[0.0; 3]; width * rows];
     let mut groups: Vec<Group> = Vec::new();
     let mut latest = Latest::default();
     for row in 0..rows {
         let y = index * BAND_ROWS + row;
-        for x in runs.iter().flat_map(|run| run.0..run.1) {
+        for x in runs.iter().flat_map(|run| run.0..run.1).filter(|&x| tiles.lights(x, y)) {
             groups.clear();
             collect(frame, &seen.bands[index], pattern, (row, x, y), &mut groups);
             let mut sum = Vec3::ZERO;

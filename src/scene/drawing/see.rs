@@ -1,10 +1,11 @@
 //! What is seen where: visible triangles, labels of the pixels' centres, and where the sun shines.
 
+use super::band::Band;
 use super::fragment::{Latest, surface_key};
 use super::frame::Frame;
 use super::parallel;
 use super::picture::Labels;
-use super::raster::{Band, NOTHING, Pattern, project, visible_chunks};
+use super::raster::{NOTHING, Pattern, project, visible_chunks};
 use super::shade;
 use super::tiles::{BAND_ROWS, Tiles};
 use crate::scene::shapes::material::Semantic;
@@ -31,7 +32,7 @@ pub(super) fn see(frame: &Frame, pattern: &Pattern, tiles: &Tiles, shadows: bool
     let parts = parallel::map(threads, count, |b| {
         let (rows, runs) = (rows_of(b, height), tiles.runs(b));
         let band = Band::fill(&batches, pattern, &runs, width, b * BAND_ROWS, rows);
-        let (labels, sunny) = centres(frame, &band, pattern, (b, &runs), shadows);
+        let (labels, sunny) = centres(frame, &band, pattern, (b, tiles), shadows);
         (band, labels, sunny)
     });
     let mut seen = Seen { bands: Vec::new(), labels: empty(width, height, frame.t), sunny: Vec::new() };
@@ -76,12 +77,12 @@ pub(super) fn centres(
     frame: &Frame,
     band: &Band,
     pattern: &Pattern,
-    (index, runs): (usize, &[(usize, usize)]),
+    (index, tiles): (usize, &Tiles),
     shadows: bool,
 ) -> (Labels, Vec<u8>) {
     let i = frame.camera.intrinsics;
     let (width, height) = (i.width as usize, i.height as usize);
-    let rows = rows_of(index, height);
+    let (rows, runs) = (rows_of(index, height), tiles.runs(index));
     let mut labels = sky(width, rows, frame.t);
     let mut latest = Latest::default();
     for row in 0..rows {
@@ -101,7 +102,7 @@ pub(super) fn centres(
         }
     }
     let sunny =
-        if shadows { sunlight(frame, band, pattern, (index, runs), &labels) } else { vec![0; width * rows] };
+        if shadows { sunlight(frame, band, pattern, (index, tiles), &labels) } else { vec![0; width * rows] };
     (labels, sunny)
 }
 
@@ -112,10 +113,11 @@ fn sunlight(
     frame: &Frame,
     band: &Band,
     pattern: &Pattern,
-    (index, runs): (usize, &[(usize, usize)]),
+    (index, tiles): (usize, &Tiles),
     labels: &Labels,
 ) -> Vec<u8> {
     let (width, rows) = (labels.width, labels.height);
+    let (runs, near) = (tiles.runs(index), tiles.near_light(index));
     let mut sunny = vec![0u8; width * rows];
     let mut latest = Latest::default();
     let mut ray = |row: usize, column: usize, id: u32| {
@@ -127,7 +129,7 @@ fn sunlight(
         for row in 0..rows {
             for column in runs.iter().flat_map(|run| run.0..run.1).filter(|c| (c + row) % 2 == odd) {
                 let id = band.id(row, column, pattern.centre);
-                if id == NOTHING {
+                if id == NOTHING || !near[row * width + column] {
                     continue;
                 }
                 let guess =

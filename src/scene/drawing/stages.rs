@@ -1,9 +1,10 @@
 //! What each stage of a render takes, for those who measure.
 
+use super::band::Band;
 use super::fragment::{Fragment, Latest};
 use super::frame::Frame;
 use super::picture::SamplesPerPixel;
-use super::raster::{Band, NOTHING, Pattern, project, visible_chunks};
+use super::raster::{NOTHING, Pattern, project, visible_chunks};
 use super::render::{Group, collect, shade_band, sun_share};
 use super::see::{centres, rows_of, see};
 use super::texture;
@@ -37,7 +38,7 @@ impl Scene {
         let mut labels = |shadows: bool| {
             take(&mut || {
                 for (b, band) in seen.bands.iter().enumerate() {
-                    drop(centres(frame, band, pattern, (b, &runs), shadows));
+                    drop(centres(frame, band, pattern, (b, tiles), shadows));
                 }
             })
         };
@@ -62,7 +63,7 @@ impl Scene {
         });
         let shading = take(&mut || {
             for b in 0..seen.bands.len() {
-                drop(shade_band(frame, &seen, pattern, (b, &runs)));
+                drop(shade_band(frame, &seen, pattern, (b, tiles)));
             }
         });
         [

@@ -13,6 +13,8 @@ pub(in crate::scene) struct Tiles {
     across: usize,
     on: Vec<bool>,
     all: bool,
+    /// Pixels whose light nobody asks for; empty where there is none.
+    left_out: Vec<bool>,
 }
 
 impl Tiles {
@@ -26,7 +28,7 @@ impl Tiles {
         let across = width.div_ceil(COLUMNS);
         let on: Vec<bool> = (0..across * height.div_ceil(BAND_ROWS)).map(on).collect();
         let all = on.iter().all(|&on| on);
-        Self { width, height, across, on, all }
+        Self { width, height, across, on, all, left_out: Vec::new() }
     }
 
     /// How many tiles lie in a row, and how many there are.
@@ -43,6 +45,48 @@ impl Tiles {
     pub(crate) fn extent(&self, tile: usize) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
         let (x, y) = (tile % self.across * COLUMNS, tile / self.across * BAND_ROWS);
         (x..(x + COLUMNS).min(self.width), y..(y + BAND_ROWS).min(self.height))
+    }
+
+    /// Numbers of a tile's pixels in the picture.
+    pub(crate) fn pixels(&self, tile: usize) -> impl Iterator<Item = usize> {
+        let ((columns, rows), width) = (self.extent(tile), self.width);
+        rows.flat_map(move |y| columns.clone().map(move |x| y * width + x))
+    }
+
+    /// Asks for no light of some pixels of a tile; its labels are made all the same.
+    pub(crate) fn leave_out(&mut self, tile: usize, pixels: &[bool]) {
+        let (columns, rows) = self.extent(tile);
+        self.left_out.resize(self.width * self.height, false);
+        for (row, pixels) in rows.zip(pixels.chunks(columns.len())) {
+            let at = row * self.width;
+            self.left_out[at + columns.start..at + columns.end].copy_from_slice(pixels);
+        }
+    }
+
+    /// Whether the light of a pixel of a tile that is drawn is asked for.
+    pub(crate) fn lights(&self, x: usize, y: usize) -> bool {
+        self.left_out.get(y * self.width + x).is_none_or(|out| !out)
+    }
+
+    /// Where sun or shade may matter: pixels up to two beside one whose light is asked for.
+    pub(crate) fn near_light(&self, band: usize) -> Vec<bool> {
+        let top = band * BAND_ROWS;
+        let rows = BAND_ROWS.min(self.height - top);
+        if self.left_out.is_empty() {
+            return vec![true; rows * self.width];
+        }
+        let mut near = Vec::with_capacity(rows * self.width);
+        let mut column = vec![false; self.width];
+        for y in top..top + rows {
+            column.fill(false);
+            for row in y.saturating_sub(2)..(y + 3).min(self.height) {
+                let left_out = &self.left_out[row * self.width..][..self.width];
+                column.iter_mut().zip(left_out).for_each(|(any, out)| *any |= !out);
+            }
+            let end = self.width;
+            near.extend((0..end).map(|x| column[x.saturating_sub(2)..(x + 3).min(end)].contains(&true)));
+        }
+        near
     }
 
     /// The runs of columns that are drawn in band `band`, ascending.

@@ -36,6 +36,21 @@ impl Columns {
         Self { size, starts, items }
     }
 
+    /// Numbers the `count` triangles as cells first list them, without a change of any cell's order; gives the old numbers.
+    pub(super) fn renumber(&mut self, count: usize) -> Vec<u32> {
+        let mut new = vec![u32::MAX; count];
+        let mut old = Vec::with_capacity(count);
+        for item in &mut self.items {
+            let number = &mut new[*item as usize];
+            if *number == u32::MAX {
+                *number = old.len() as u32;
+                old.push(*item);
+            }
+            *item = *number;
+        }
+        old
+    }
+
     /// The triangles that may cover a place; `None` outside of all cells.
     pub(super) fn at(&self, place: Vec2) -> Option<&[u32]> {
         let inside = |x: f32, cells: usize| x >= 0.0 && x < cells as f32;
@@ -108,5 +123,20 @@ mod tests {
         }
         assert!(covered > 2000, "{covered}");
         assert!(columns.at(Vec2::new(-0.1, 3.0)).is_none() && columns.at(Vec2::new(3.0, 7.0)).is_none());
+    }
+
+    #[test]
+    fn new_numbers_mean_the_same_triangles_in_the_same_order() {
+        let at = |x: f32| [Vec2::new(x, 0.2), Vec2::new(x + 2.5, 0.4), Vec2::new(x, 1.7)];
+        let triangles: Vec<Flat> =
+            [5.0, 0.0, 2.0, 20.0].into_iter().map(at).zip(0..).map(|(t, i)| (i, t)).collect();
+        let before = Columns::new((9, 2), triangles.iter().copied());
+        let mut after = Columns::new((9, 2), triangles.iter().copied());
+        let old = after.renumber(triangles.len());
+        // The last lies in no cell, and nobody asks for it.
+        assert_eq!(old, [1, 2, 0]);
+        assert_eq!(before.starts, after.starts);
+        let renamed: Vec<u32> = after.items.iter().map(|&i| old[i as usize]).collect();
+        assert_eq!(before.items, renamed);
     }
 }

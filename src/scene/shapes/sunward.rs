@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 use super::columns::Columns;
 
 /// Side of a column in metres.
-const COLUMN_M: f32 = 1.0;
+const COLUMN_M: f32 = 0.5;
 
 /// A triangle as the sun sees it.
 #[derive(Clone, Copy, Debug)]
@@ -56,7 +56,10 @@ impl Sunward {
         let size = if slabs.is_empty() { (0, 0) } else { (extent.x as usize + 1, extent.y as usize + 1) };
         let in_cells = |slab: &Slab| slab.corners().map(|p| (p - low) / COLUMN_M);
         let flat = slabs.iter().enumerate().map(|(i, slab)| (i as u32, in_cells(slab)));
-        Self { axes: [x, y, sun], low, columns: Columns::new(size, flat), slabs }
+        let mut columns = Columns::new(size, flat);
+        // What stands in one column lies side by side in memory too.
+        let slabs = columns.renumber(slabs.len()).into_iter().map(|i| slabs[i as usize]).collect();
+        Self { axes: [x, y, sun], low, columns, slabs }
     }
 
     /// True when a triangle lies between `origin` and `origin + max` towards the sun.

@@ -4,9 +4,10 @@ use glam::{DVec3, Vec3};
 
 use crate::error::Result;
 
+use crate::scene::drawing::band::Band;
 use crate::scene::drawing::frame::Frame;
 use crate::scene::drawing::picture::Labels;
-use crate::scene::drawing::raster::{Band, NEAR_M, Pattern, project};
+use crate::scene::drawing::raster::{NEAR_M, Pattern, project};
 use crate::scene::drawing::tiles::Tiles;
 use crate::scene::drive::vehicle::VehicleClass;
 use crate::scene::world::Scene;

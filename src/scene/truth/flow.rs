@@ -1,6 +1,7 @@
 //! Optical flow from rigid motion, and who is hidden at the other end of it.
 
 use glam::{DAffine3, DMat3, DVec3, Mat3, Vec3};
+use wide::f32x4;
 
 use crate::error::{Error, Kind, Result};
 
@@ -145,6 +146,41 @@ impl Motions {
             (d.y - y * d.z) * scale,
             if labels.part[i] == 0 { f32::INFINITY } else { z },
         )
+    }
+}
+
+impl Motions {
+    /// [`at`](Self::at) of four neighbours of a row, without their depths; beyond its end anything.
+    #[inline]
+    pub(crate) fn four(&self, labels: &Labels, row: usize, column: usize) -> (f32x4, f32x4) {
+        let i = row * labels.width + column;
+        let (Some(&[a, b, c, d]), Some(&depth)) = (
+            labels.part[..(row + 1) * labels.width].get(i..).and_then(<[u16]>::first_chunk::<4>),
+            labels.depth_m.get(i..).and_then(<[f32]>::first_chunk::<4>),
+        ) else {
+            return self.each(labels, row, column);
+        };
+        if a != b || a != c || a != d {
+            return self.each(labels, row, column);
+        }
+        let (turn, shift) = self.parts[a as usize];
+        let depth = if a == 0 { f32x4::ONE } else { f32x4::new(depth) };
+        let places = f32x4::new([0.0, 1.0, 2.0, 3.0]) + column as f32;
+        let x = (places + 0.5 - self.centre[0]) / self.focal;
+        let y = (row as f32 + 0.5 - self.centre[1]) / self.focal;
+        let (px, py) = (x * depth, depth * y);
+        let along = |k: usize| px * turn.x_axis[k] + py * turn.y_axis[k] + depth * turn.z_axis[k] + shift[k];
+        let dz = along(2);
+        let z = depth + dz;
+        let scale = f32x4::splat(self.focal) / z;
+        let ahead = z.simd_gt(f32x4::ZERO);
+        (((along(0) - x * dz) * scale) & ahead, ((along(1) - dz * y) * scale) & ahead)
+    }
+
+    fn each(&self, labels: &Labels, row: usize, column: usize) -> (f32x4, f32x4) {
+        let one = |k: usize| self.at(labels, row, (column + k).min(labels.width - 1));
+        let all = [0, 1, 2, 3].map(one);
+        (f32x4::new(all.map(|d| d.0)), f32x4::new(all.map(|d| d.1)))
     }
 }
 

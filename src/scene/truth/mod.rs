@@ -2,6 +2,7 @@
 
 pub(super) mod boxes;
 pub(super) mod flow;
+mod guess;
 pub(super) mod keyframes;
 pub(super) mod span;
 pub(super) mod warp;

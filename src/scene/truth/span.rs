@@ -15,7 +15,7 @@ use crate::scene::truth::warp::{carry, mix};
 use crate::scene::world::Scene;
 
 /// Motion in a tile between two instants at which it is rendered, in pixels.
-const RENDERED_PX: f32 = 0.5;
+const RENDERED_PX: f32 = 0.4;
 /// Motion in a tile between two instants whose light is carried; from one to the next it goes in a straight line.
 const CARRIED_PX: f32 = 0.1;
 /// The fastest pixel at the ends is measured; in between a point may gain this share.
@@ -30,29 +30,31 @@ pub(crate) struct Span {
 }
 
 /// The light of an instant, and labels of the tiles that were rendered for it.
-struct Image {
-    light: Vec<f32>,
-    labels: Option<Labels>,
+pub(super) struct Image {
+    pub light: Vec<f32>,
+    pub labels: Option<Labels>,
 }
 
 /// How finely a tile is rendered and carried: at the span's 2^level parts.
 #[derive(Clone, Copy, Default)]
-struct Pace {
-    rendered: usize,
+pub(super) struct Pace {
+    pub rendered: usize,
     carried: usize,
+    /// Pixels that its fastest point moves by over the span.
+    pub px: f32,
 }
 
 /// Instants of a span, and at which of them what is done.
-struct Work<'a> {
-    scene: &'a Scene,
-    times: &'a [f64],
+pub(super) struct Work<'a> {
+    pub scene: &'a Scene,
+    pub times: &'a [f64],
     samples: SamplesPerPixel,
     /// Indices of the instants that divide the span into 2^level parts.
     levels: Vec<Vec<usize>>,
-    instants: Vec<Instant>,
-    tiles: Tiles,
-    paces: Vec<Pace>,
-    images: Vec<Option<Image>>,
+    pub instants: Vec<Instant>,
+    pub tiles: Tiles,
+    pub paces: Vec<Pace>,
+    pub images: Vec<Option<Image>>,
 }
 
 impl Scene {
@@ -67,19 +69,7 @@ impl Scene {
     ) -> Span {
         let n = times.len() - 1;
         let last = self.rendered(times[n], samples, &self.tiles(), threads);
-        let mut work = Work {
-            scene: self,
-            times,
-            samples,
-            levels: levels(n),
-            instants: parallel::map(threads, n + 1, |k| self.instant(times[k])),
-            tiles: self.tiles(),
-            paces: Vec::new(),
-            images: (0..=n).map(|_| None).collect(),
-        };
-        work.pace(&first.labels, &last.labels);
-        work.images[0] = Some(Image { light: first.light, labels: Some(first.labels) });
-        work.images[n] = Some(Image { light: last.light.clone(), labels: Some(last.labels.clone()) });
+        let mut work = Work::new(self, first, &last, times, samples, threads);
         for level in 1..work.levels.len() {
             let new: Vec<usize> =
                 work.levels[level].iter().copied().filter(|&k| work.images[k].is_none()).collect();
@@ -110,7 +100,33 @@ fn levels(n: usize) -> Vec<Vec<usize>> {
     levels
 }
 
-impl Work<'_> {
+impl<'a> Work<'a> {
+    /// Both ends of a span, and what is to be done between them.
+    pub(super) fn new(
+        scene: &'a Scene,
+        first: Rendered,
+        last: &Rendered,
+        times: &'a [f64],
+        samples: SamplesPerPixel,
+        threads: usize,
+    ) -> Self {
+        let n = times.len() - 1;
+        let mut work = Self {
+            scene,
+            times,
+            samples,
+            levels: levels(n),
+            instants: parallel::map(threads, n + 1, |k| scene.instant(times[k])),
+            tiles: scene.tiles(),
+            paces: Vec::new(),
+            images: (0..=n).map(|_| None).collect(),
+        };
+        work.pace(&first.labels, &last.labels);
+        work.images[0] = Some(Image { light: first.light, labels: Some(first.labels) });
+        work.images[n] = Some(Image { light: last.light.clone(), labels: Some(last.labels.clone()) });
+        work
+    }
+
     /// Decides the pace of every tile from the motion at both ends.
     fn pace(&mut self, first: &Labels, last: &Labels) {
         let n = self.times.len() - 1;
@@ -131,17 +147,18 @@ impl Work<'_> {
                     .flat_map(|t| [ends[0][t].moving_px, ends[1][t].moving_px])
                     .fold(0.0f32, f32::max);
                 let px = first.px.max(last.px).max(moving) * RESERVE;
-
                 let rendered = level(f64::from(px / RENDERED_PX).max(flicker));
-                Pace { rendered, carried: level(f64::from(px / CARRIED_PX)).max(rendered) }
+                Pace { rendered, carried: level(f64::from(px / CARRIED_PX)).max(rendered), px }
             })
             .collect();
     }
 
     /// The light of instant `k`, which `level` is the first to have.
-    fn image(&self, k: usize, level: usize, threads: usize) -> Image {
+    pub(super) fn image(&self, k: usize, level: usize, threads: usize) -> Image {
         let (w, h) = self.size();
-        let chosen = Tiles::chosen(w, h, |tile| self.paces[tile].rendered >= level);
+        let guesses = self.guesses(k, level, threads);
+        let mut chosen = Tiles::chosen(w, h, |tile| self.paces[tile].rendered >= level);
+        guesses.leave_out(&mut chosen);
         let rendered =
             chosen.any().then(|| self.scene.rendered(self.times[k], self.samples, &chosen, threads));
         let (mut light, labels) = match rendered {
@@ -151,6 +168,7 @@ impl Work<'_> {
             }
             None => (vec![0.0; w * h], None),
         };
+        guesses.put(&self.tiles, &mut light);
         let others: Vec<usize> = (0..self.paces.len()).filter(|&t| self.paces[t].rendered < level).collect();
         let motions: Vec<_> = (0..level).map(|l| self.around(k, l, &others, level)).collect();
         let made = parallel::map(threads, others.len(), |i| {
@@ -170,7 +188,7 @@ impl Work<'_> {
     }
 
     /// The instants of a level before and after `k`.
-    fn bracket(&self, k: usize, level: usize) -> (usize, usize) {
+    pub(super) fn bracket(&self, k: usize, level: usize) -> (usize, usize) {
         let list = &self.levels[level];
         let after = list.partition_point(|&at| at <= k).min(list.len() - 1);
         (list[after - 1], list[after])
@@ -224,13 +242,13 @@ impl Work<'_> {
         out
     }
 
-    fn size(&self) -> (usize, usize) {
+    pub(super) fn size(&self) -> (usize, usize) {
         let i = &self.scene.intrinsics;
         (i.width as usize, i.height as usize)
     }
 
     /// Where `k` lies between `a` and `b` in time.
-    fn share(&self, a: usize, k: usize, b: usize) -> f32 {
+    pub(super) fn share(&self, a: usize, k: usize, b: usize) -> f32 {
         ((self.times[k] - self.times[a]) / (self.times[b] - self.times[a])) as f32
     }
 }

@@ -5,12 +5,11 @@
 //! only changes (a flickering lamp, a moving highlight) is interpolated.
 
 use glam::Vec4;
+use wide::{f32x4, i32x4};
 
 use crate::error::{Error, Kind, Result};
-use crate::interpolation::catmull_rom;
 
 use crate::scene::drawing::picture::{Labels, Rendered};
-use crate::scene::drawing::texture::noise::floor;
 use crate::scene::truth::flow::Motions;
 use crate::scene::world::Scene;
 
@@ -82,24 +81,52 @@ pub(in crate::scene) fn carry(
     out: &mut [f32],
 ) {
     let (w, h) = (labels.width, labels.height);
-    for (i, out) in out.iter_mut().enumerate() {
-        let column = first + i;
-        let (dx, dy, _) = motions.at(labels, row, column);
-        let (x, y) = (column as f32 - dx, row as f32 - dy);
-        let ((x0, tx), (y0, ty)) = (floor(x), floor(y));
-        let (wx, wy) = (catmull_rom(tx), catmull_rom(ty));
-        let (x0, y0) = (x0 as isize - 1, y0 as isize - 1);
-        let inside = x0 >= 0 && y0 >= 0 && x0 as usize + 4 <= w && y0 as usize + 4 <= h;
-        let rows = if inside {
-            let at = y0 as usize * w + x0 as usize;
-            [0, 1, 2, 3].map(|j| Vec4::from_slice(&light[at + j * w..]))
-        } else {
-            let clamp = |v: isize, n: usize| v.clamp(0, n as isize - 1) as usize;
-            let of_row = |j: isize| [0, 1, 2, 3].map(|i| light[clamp(y0 + j, h) * w + clamp(x0 + i, w)]);
-            [0, 1, 2, 3].map(|j| Vec4::from_array(of_row(j)))
-        };
-        *out = between(rows, wx, wy);
+    for (i, out) in out.chunks_mut(LANES).enumerate() {
+        let column = first + i * LANES;
+        let (dx, dy) = motions.four(labels, row, column);
+        let (x, y) = (f32x4::new([0.0, 1.0, 2.0, 3.0]) + column as f32 - dx, f32x4::splat(row as f32) - dy);
+        let ((x0, tx), (y0, ty)) = (floors(x), floors(y));
+        let wx = f32x4::transpose(weights(tx)).map(|w| w.to_array());
+        let wy = f32x4::transpose(weights(ty)).map(|w| w.to_array());
+        for (k, out) in out.iter_mut().enumerate() {
+            *out = between(around(light, (w, h), (x0[k], y0[k])), wx[k], wy[k]);
+        }
     }
+}
+
+/// Pixels of a row that are carried side by side.
+const LANES: usize = 4;
+
+/// The integers below, and what is left.
+fn floors(x: f32x4) -> ([i32; LANES], f32x4) {
+    let whole = x.fast_trunc_int();
+    // A comparison that holds is -1.
+    let whole = whole + bytemuck::cast::<f32x4, i32x4>(f32x4::from_i32x4(whole).simd_gt(x));
+    (whole.to_array(), x - f32x4::from_i32x4(whole))
+}
+
+/// [`catmull_rom`](crate::interpolation::catmull_rom) of four places.
+fn weights(t: f32x4) -> [f32x4; 4] {
+    let (t2, t3) = (t * t, t * t * t);
+    [
+        (t2 * 2.0 - t - t3) * 0.5,
+        (f32x4::splat(2.0) - t2 * 5.0 + t3 * 3.0) * 0.5,
+        (t + t2 * 4.0 - t3 * 3.0) * 0.5,
+        (t3 - t2) * 0.5,
+    ]
+}
+
+/// Four rows of the four pixels around a place, whose upper left inner one is given; the border goes on outside.
+#[inline(always)]
+fn around(light: &[f32], (w, h): (usize, usize), (x0, y0): (i32, i32)) -> [Vec4; 4] {
+    let (x0, y0) = (x0 as isize - 1, y0 as isize - 1);
+    if x0 >= 0 && y0 >= 0 && x0 as usize + 4 <= w && y0 as usize + 4 <= h {
+        let at = y0 as usize * w + x0 as usize;
+        return [0, 1, 2, 3].map(|j| Vec4::from_slice(&light[at + j * w..]));
+    }
+    let clamp = |v: isize, n: usize| v.clamp(0, n as isize - 1) as usize;
+    let of_row = |j: isize| [0, 1, 2, 3].map(|i| light[clamp(y0 + j, h) * w + clamp(x0 + i, w)]);
+    [0, 1, 2, 3].map(|j| Vec4::from_array(of_row(j)))
 }
 
 /// The image between pixels: bicubic, held within the four nearest, so that a
@@ -117,5 +144,43 @@ fn between(rows: [Vec4; 4], wx: [f32; 4], wy: [f32; 4]) -> f32 {
 pub(in crate::scene) fn mix(light: &mut [f32], late: &[f32], share: f32) {
     for (l, &late) in light.iter_mut().zip(late) {
         *l += (late - *l) * share;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::interpolation::catmull_rom;
+    use crate::scene::drawing::texture::noise::floor;
+    use crate::scene::{Lighting, SamplesPerPixel, SceneOptions};
+
+    /// Four pixels side by side take the same steps as one alone: the same bits.
+    #[test]
+    fn a_row_is_carried_as_its_pixels_are() {
+        let options = SceneOptions {
+            width: 61,
+            height: 40,
+            lighting: Some(Lighting::Noon),
+            duration_s: 0.2,
+            ..SceneOptions::default()
+        };
+        let scene = Scene::random(4, &options).unwrap();
+        let Rendered { labels, light, .. } = scene.render(0.05, SamplesPerPixel::Four, 1).unwrap();
+        let motions = scene.motions(&scene.instant(0.05), &scene.instant(0.06));
+        let one = |row: usize, column: usize| {
+            let (dx, dy, _) = motions.at(&labels, row, column);
+            let ((x0, tx), (y0, ty)) = (floor(column as f32 - dx), floor(row as f32 - dy));
+            between(around(&light, (61, 40), (x0, y0)), catmull_rom(tx), catmull_rom(ty))
+        };
+        for row in 0..40 {
+            // Runs that begin and end anywhere, and at the end of a row.
+            for (first, end) in [(0, 61), (3, 9), (58, 61)] {
+                let mut out = vec![0.0; end - first];
+                carry(&motions, &labels, &light, row, first, &mut out);
+                for (i, x) in out.iter().enumerate() {
+                    assert_eq!(x.to_bits(), one(row, first + i).to_bits(), "row {row}, column {}", first + i);
+                }
+            }
+        }
     }
 }
