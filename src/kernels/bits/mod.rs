@@ -13,7 +13,7 @@ mod vertical;
 
 #[cfg(all(feature = "files", feature = "threads"))]
 pub(crate) use counting::counting;
-pub(crate) use counting::{Work, counting_with};
+pub(crate) use counting::{Work, counting_with, doubles_with};
 pub(crate) use matrix::{Bits, Places, ROOM, SLACK, WORDS};
 #[cfg(test)]
 pub(crate) use shorts::AnyCpu;
