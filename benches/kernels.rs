@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use criterion::{BenchmarkId, Criterion, Throughput};
 use spikelane::effects::find;
 use spikelane::kernels::{self, Batch, Job, Light, Samples, Segment};
-use spikelane::{Backend, Camera, Plan, Seeds, Sensor};
+use spikelane::{Backend, Camera, Plan, Seeds, Sensor, State};
 
 const PIXELS: usize = 100_000;
 const READOUTS: usize = 128;
@@ -45,9 +45,9 @@ fn camera(noise: &str) -> Camera {
     camera.with(typical("dark_shot_noise")).with(dark)
 }
 
-fn run(plan: &Plan, backend: Backend, segments: &[Segment<'_>], out: &mut [u8]) -> u64 {
+fn run(plan: &Plan, start: &State, backend: Backend, segments: &[Segment<'_>], out: &mut [u8]) -> u64 {
     let batch = Batch::new(plan, 0, segments);
-    let mut state = plan.start();
+    let mut state = start.clone();
     let mut digest = 0xcbf2_9ce4_8422_2325u64;
     for (i, part) in state.tiles(TILE).iter_mut().enumerate() {
         let job = Job::new(plan, &batch, i * TILE, TILE);
@@ -76,6 +76,7 @@ fn kernels(c: &mut Criterion) {
     let late = ["full, correlated shot noise", "full, a band of jitter", "full, both"];
     for noise in ["ideal", "fixed", "full"].into_iter().chain(late).chain(["few-electrons"]) {
         let plan = Plan::new(&camera(noise), Seeds::default()).unwrap();
+        let start = plan.start();
         let level = |p: usize, t: usize| {
             if noise == "few-electrons" { 0 } else { 60 + ((p * 7 + t * 13) % 40) as u8 }
         };
@@ -99,13 +100,17 @@ fn kernels(c: &mut Criterion) {
             ("new-frame", &new[..]),
             ("between", &way[..]),
         ] {
-            let expected = run(&plan, Backend::Reference, segments, &mut out);
+            let expected = run(&plan, &start, Backend::Reference, segments, &mut out);
             let mut group = c.benchmark_group(format!("{noise}/{name}"));
             group.throughput(Throughput::Elements((PIXELS * READOUTS) as u64));
             for backend in backends() {
-                assert_eq!(run(&plan, backend, segments, &mut out), expected, "{backend} {noise} {name}");
+                assert_eq!(
+                    run(&plan, &start, backend, segments, &mut out),
+                    expected,
+                    "{backend} {noise} {name}"
+                );
                 let id = BenchmarkId::from_parameter(backend);
-                group.bench_function(id, |b| b.iter(|| run(&plan, backend, segments, &mut out)));
+                group.bench_function(id, |b| b.iter(|| run(&plan, &start, backend, segments, &mut out)));
             }
             group.finish();
         }
@@ -126,6 +131,7 @@ fn best(mut run: impl FnMut()) -> f64 {
 /// of lanes have a floor.
 fn beside_the_plain_loop() {
     let plan = Plan::new(&camera("full"), Seeds::default()).unwrap();
+    let start = plan.start();
     let frame: Vec<u8> = (0..PIXELS).map(|p| 60 + (p * 7 % 40) as u8).collect();
     let mut plain = scalar::Loop::new(PIXELS);
     let mut bits = vec![0; PIXELS / 8];
@@ -136,8 +142,8 @@ fn beside_the_plain_loop() {
     let segments = [Segment { readouts: READOUTS, light: Light::Held(Samples::U8(&frame)) }];
     let mut out = vec![0; READOUTS * TILE / 8];
     for backend in backends() {
-        let time =
-            best(|| _ = std::hint::black_box(run(&plan, backend, &segments, &mut out))) / READOUTS as f64;
+        let time = best(|| _ = std::hint::black_box(run(&plan, &start, backend, &segments, &mut out)))
+            / READOUTS as f64;
         println!(
             "{backend}: {:.3} Gpixel-readouts/s, {:.1} times the plain loop",
             PIXELS as f64 / time / 1e9,
@@ -150,6 +156,7 @@ fn beside_the_plain_loop() {
 /// sum over an array reads; three times in turn, since both vary.
 fn from_memory() {
     let plan = Plan::new(&camera("ideal"), Seeds::default()).unwrap();
+    let start = plan.start();
     let frames: Vec<Vec<u8>> =
         (0..2048).map(|t| (0..PIXELS).map(|p| ((p * 7 + t * 13) % 200) as u8).collect()).collect();
     let new: Vec<_> =
@@ -160,7 +167,7 @@ fn from_memory() {
             let budget = Duration::from_millis(300);
             let bytes = timing::rate(budget, (PIXELS * frames.len()) as f64, || {
                 for segments in new.chunks(READOUTS) {
-                    std::hint::black_box(run(&plan, backend, segments, &mut out));
+                    std::hint::black_box(run(&plan, &start, backend, segments, &mut out));
                 }
             });
             let read = timing::read_bandwidth(budget);

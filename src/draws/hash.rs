@@ -16,6 +16,7 @@ use super::stream::{Seeds, Stream};
 
 /// The key of one 32-bit address: a bijection (the finaliser of MurmurHash3).
 #[must_use]
+#[inline(always)]
 pub const fn key(address: u32) -> u32 {
     let mut x = address.wrapping_add(0x9e37_79b9);
     x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
@@ -64,6 +65,7 @@ impl Clock {
 
     /// 64 random bits for one pixel, for draws that are made once.
     #[must_use]
+    #[inline(always)]
     pub const fn once(self, pixel: u32) -> u64 {
         mix64(self.0 ^ mix64(pixel as u64 ^ 0x5851_f42d_4c95_7f2d))
     }
@@ -71,6 +73,7 @@ impl Clock {
 
 /// 32 random bits: the low half belongs to the even pixel of a pair.
 #[must_use]
+#[inline(always)]
 pub const fn bits(key: u32, round: Round) -> u32 {
     let mut x = (key ^ round.offset).wrapping_mul(round.first);
     x = (x ^ (x >> 15)).wrapping_mul(round.second);

@@ -18,6 +18,16 @@ impl Phases {
         let charge = |&(share, charge): &(f64, f64)| share * first * threshold + charge * second;
         self.0.iter().map(charge).sum()
     }
+
+    #[cfg(test)]
+    pub(crate) fn of(parts: &[(f64, f64)]) -> Self {
+        Self(parts.to_vec())
+    }
+
+    /// Shares and charges.
+    pub(crate) fn parts(&self) -> &[(f64, f64)] {
+        &self.0
+    }
 }
 
 /// A camera with its fixed pattern drawn: what a plan is made from.

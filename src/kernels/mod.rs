@@ -16,6 +16,7 @@ mod entry;
 mod isa;
 mod modulation;
 pub mod reference;
+mod start;
 
 pub use backend::Backend;
 pub use batch::{Batch, Job, Light, NoiseRound, Rounds, Samples, Segment};
@@ -26,6 +27,7 @@ pub(crate) use bits::{
     counting_with, load,
 };
 pub use modulation::{Around, Modulation};
+pub(crate) use start::start;
 
 use crate::plan::StateParts;
 

@@ -22,8 +22,9 @@ mod window;
 pub use bounds::Bounds;
 pub use losses::Losses;
 pub use moving::{Adaptation, Lag, Moving, SlowNoise, Telegraph};
+pub(crate) use start::{Draws, Plain};
 pub(crate) use state::OTHER_PLAN;
-pub(crate) use state::{ADAPTED, LATE, LOW, SLOW};
+pub(crate) use state::{ADAPTED, FLIP, LATE, LOW, SLOW};
 pub use state::{State, StateParts};
 pub use tables::{Flip, NoiseTable, Rules, Shot, Tables};
 
@@ -111,7 +112,6 @@ pub struct Plan {
     clocks: Clocks,
     counts: Option<&'static poisson::Tables>,
     bounds: Bounds,
-    start: State,
 }
 
 impl Plan {
@@ -152,7 +152,6 @@ impl Plan {
         let (tables, rules, moving) = tables::build(model, &laws, &scale, greatest_light);
         let losses = Losses::of(model);
         let origin = Origin::of(model, &laws);
-        let start = start::start(&origin, seeds, &tables, &rules, moving.as_ref(), losses);
         let counts = tables.shot.as_ref().map(|_| &*COUNTS);
         Ok(Self {
             geometry,
@@ -167,12 +166,11 @@ impl Plan {
             origin: Arc::new(origin),
             losses,
             counts,
-            start,
         })
     }
 
     /// This plan for another recording of the same camera: the tables stay, clocks and start state are
-    /// drawn anew. The same as a new plan with these seeds, in a small part of the time; the tables are shared.
+    /// others. The same as a new plan with these seeds, in a small part of the time; the tables are shared.
     ///
     /// # Errors
     /// When `seeds.camera` is another than this plan's: that camera has another fixed pattern.
@@ -191,8 +189,6 @@ impl Plan {
         }
         self.seeds = seeds;
         self.clocks = Clocks::new(seeds);
-        let moving = self.moving.as_deref();
-        self.start = start::start(&self.origin, seeds, &self.tables, &self.rules, moving, self.losses);
         Ok(())
     }
 
@@ -285,12 +281,6 @@ impl Plan {
     #[must_use]
     pub fn bounds(&self) -> &Bounds {
         &self.bounds
-    }
-
-    /// The pixels' state before the first readout.
-    #[must_use]
-    pub fn start(&self) -> State {
-        self.start.clone()
     }
 
     /// Pixels, padded to whole lanes.

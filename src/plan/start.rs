@@ -1,13 +1,13 @@
 //! The state before the first readout.
 
-use crate::draws::hash::{Clock, half, key};
+use crate::draws::hash::{self, Clock, Round, half, key};
 use crate::draws::{Seeds, Stream, gauss};
 use crate::effects::{Model, Phases};
 use crate::pixel::{Law, Redraw};
-use crate::plan::losses::Losses;
+use crate::plan::Plan;
 use crate::plan::moving::Moving;
 use crate::plan::state::{ADAPTED, FLIP, LATE, LOW, SLOW, State};
-use crate::plan::tables::{NoiseTable, Rules, Tables};
+use crate::plan::tables::{NoiseTable, Tables};
 use crate::spikes::{Crop, Geometry};
 
 /// The readout whose draw is frozen before the first one.
@@ -37,64 +37,101 @@ impl Origin {
     }
 }
 
-pub(super) fn start(
-    origin: &Origin,
-    seeds: Seeds,
-    tables: &Tables,
-    rules: &Rules,
-    moving: Option<&Moving>,
-    losses: Losses,
-) -> State {
-    let padded = tables.threshold.len();
-    let clock = Clock::new(seeds, Stream::named("start_phase"));
-    let asks_fired = rules.lost_increment != 0.0 || moving.is_some_and(Moving::couples);
-    let waits = rules.released != 0;
-    let mut state = State {
-        charge: vec![-1; padded],
-        fraction: vec![FLIP as i16; padded],
-        surplus: if rules.surplus { vec![0; padded] } else { Vec::new() },
-        fired: if asks_fired { vec![0; padded] } else { Vec::new() },
-        // Nothing waits at first, as after a lens cap.
-        waiting: if waits { vec![0; padded] } else { Vec::new() },
-        waiting_fraction: if waits { vec![FLIP as i16; padded] } else { Vec::new() },
-        ..State::default()
-    };
-    charge(&mut state, origin, clock, &tables.threshold);
-    if rules.redraw == Redraw::EveryReset {
-        freeze(&mut state, seeds, tables);
-    }
-    if let Some(moving) = moving {
-        linger(&mut state, seeds, moving);
-    }
-    if losses.repeated != 0 {
-        state.last = vec![0; origin.geometry.frame_bytes().div_ceil(2)];
-    }
-    state
+/// The draws that every pixel has. They are most of a short recording's work, so that a kernel has faster ones.
+pub(crate) trait Draws {
+    /// Charges of pixels from `first` on that hold no surplus, whose thresholds are `exact` nominal ones and so many whole steps: whole
+    /// steps above the threshold, and the fraction.
+    fn charges(
+        &self,
+        phases: &Phases,
+        clock: Clock,
+        first: usize,
+        pixels: (&[f64], &[i16]),
+        to: (&mut [i16], &mut [i16]),
+    );
+
+    /// A unit normal value for each pixel.
+    fn units(&self, round: Round, to: &mut [i16]);
 }
 
-/// Draws the charges. A crop is started for every recording, and its start takes longer than its readouts: what few pixels ask
-/// for is in a loop of its own.
-fn charge(state: &mut State, origin: &Origin, clock: Clock, thresholds: &[i16]) {
-    let unit = |b: u32| f64::from(b) / 4_294_967_296.0;
-    let fixed = |p: usize, exact: f64, threshold: i16| {
-        let bits = clock.once(p as u32);
-        let charge = origin.phases.charge(exact, unit((bits >> 32) as u32), unit(bits as u32));
-        (charge * f64::from(threshold) / exact * 65_536.0) as i64
-    };
-    let above = |fixed: i64, threshold: i16| (fixed >> 16) - i64::from(threshold);
-    let pixels = origin.thresholds.iter().zip(thresholds).enumerate();
-    let outs = state.charge.iter_mut().zip(&mut state.fraction);
-    if state.surplus.is_empty() {
-        for ((p, (&exact, &threshold)), (whole, fraction)) in pixels.zip(outs) {
-            let fixed = fixed(p, exact, threshold);
+/// One pixel after the other.
+pub(crate) struct Plain;
+
+impl Draws for Plain {
+    fn charges(
+        &self,
+        phases: &Phases,
+        clock: Clock,
+        first: usize,
+        (exact, thresholds): (&[f64], &[i16]),
+        (wholes, fractions): (&mut [i16], &mut [i16]),
+    ) {
+        let pixels = exact.iter().zip(thresholds).enumerate();
+        for ((p, (&exact, &threshold)), (whole, fraction)) in pixels.zip(wholes.iter_mut().zip(fractions)) {
+            let fixed = fixed(phases, clock, first + p, exact, threshold);
             *whole = of_16_bits(above(fixed, threshold));
             *fraction = (fixed as u16 ^ FLIP) as i16;
         }
+    }
+
+    fn units(&self, round: Round, to: &mut [i16]) {
+        for (pair, two) in to.chunks_mut(2).enumerate() {
+            let bits = hash::bits(key(pair as u32), round);
+            two.iter_mut().enumerate().for_each(|(p, draw)| *draw = gauss::unit(half(bits, p)));
+        }
+    }
+}
+
+impl Plan {
+    /// The pixels' state before the first readout.
+    #[must_use]
+    pub fn start(&self) -> State {
+        self.start_with(&Plain)
+    }
+
+    /// The same, by other loops that draw the same.
+    pub(crate) fn start_with(&self, draws: &impl Draws) -> State {
+        let (tables, rules, moving) = (self.tables(), self.rules(), self.moving());
+        let padded = self.padded();
+        let asks_fired = rules.lost_increment != 0.0 || moving.is_some_and(Moving::couples);
+        let waits = rules.released != 0;
+        let mut state = State {
+            charge: vec![-1; padded],
+            fraction: vec![FLIP as i16; padded],
+            surplus: if rules.surplus { vec![0; padded] } else { Vec::new() },
+            fired: if asks_fired { vec![0; padded] } else { Vec::new() },
+            // Nothing waits at first, as after a lens cap.
+            waiting: if waits { vec![0; padded] } else { Vec::new() },
+            waiting_fraction: if waits { vec![FLIP as i16; padded] } else { Vec::new() },
+            ..State::default()
+        };
+        charge(&mut state, &self.origin, self.seeds, &tables.threshold, draws);
+        if rules.redraw == Redraw::EveryReset {
+            freeze(&mut state, self.seeds, tables, draws);
+        }
+        if let Some(moving) = moving {
+            linger(&mut state, self.seeds, moving);
+        }
+        if self.losses.repeated != 0 {
+            state.last = vec![0; self.geometry.frame_bytes().div_ceil(2)];
+        }
+        state
+    }
+}
+
+/// Draws the charges.
+fn charge(state: &mut State, origin: &Origin, seeds: Seeds, thresholds: &[i16], draws: &impl Draws) {
+    let clock = Clock::new(seeds, Stream::named("start_phase"));
+    if state.surplus.is_empty() {
+        let pixels = origin.thresholds.len();
+        let to = (&mut state.charge[..pixels], &mut state.fraction[..pixels]);
+        draws.charges(&origin.phases, clock, 0, (&origin.thresholds, &thresholds[..pixels]), to);
         return;
     }
-    for (((p, (&exact, &threshold)), (whole, fraction)), surplus) in pixels.zip(outs).zip(&mut state.surplus)
-    {
-        let fixed = fixed(p, exact, threshold);
+    let pixels = origin.thresholds.iter().zip(thresholds).enumerate();
+    let outs = state.charge.iter_mut().zip(&mut state.fraction).zip(&mut state.surplus);
+    for ((p, (&exact, &threshold)), ((whole, fraction), surplus)) in pixels.zip(outs) {
+        let fixed = fixed(&origin.phases, clock, p, exact, threshold);
         let (mut above, size) = (above(fixed, threshold), i64::from(threshold));
         if above >= 0 {
             let thresholds = (above / size + 1).min(i64::from(i16::MAX));
@@ -104,6 +141,18 @@ fn charge(state: &mut State, origin: &Origin, clock: Clock, thresholds: &[i16]) 
         *whole = of_16_bits(above);
         *fraction = (fixed as u16 ^ FLIP) as i16;
     }
+}
+
+/// The charge of pixel `p` in steps x 65,536.
+fn fixed(phases: &Phases, clock: Clock, p: usize, exact: f64, threshold: i16) -> i64 {
+    let unit = |b: u32| f64::from(b) / 4_294_967_296.0;
+    let bits = clock.once(p as u32);
+    let charge = phases.charge(exact, unit((bits >> 32) as u32), unit(bits as u32));
+    (charge * f64::from(threshold) / exact * 65_536.0) as i64
+}
+
+fn above(fixed: i64, threshold: i16) -> i64 {
+    (fixed >> 16) - i64::from(threshold)
 }
 
 fn of_16_bits(x: i64) -> i16 {
@@ -139,13 +188,10 @@ fn linger(state: &mut State, seeds: Seeds, moving: &Moving) {
 }
 
 /// The noise that is frozen until the first reset.
-fn freeze(state: &mut State, seeds: Seeds, tables: &Tables) {
+fn freeze(state: &mut State, seeds: Seeds, tables: &Tables, draws: &impl Draws) {
     let round = Clock::new(seeds, Stream::named("thermal_noise")).round(BEFORE_FIRST);
     let mut drawn = vec![0; tables.threshold.len()];
-    for (pair, two) in drawn.chunks_mut(2).enumerate() {
-        let bits = crate::draws::hash::bits(key(pair as u32), round);
-        two.iter_mut().enumerate().for_each(|(p, draw)| *draw = gauss::unit(half(bits, p)));
-    }
+    draws.units(round, &mut drawn);
     match &tables.noise {
         None => {}
         Some(NoiseTable::Whole(table)) => {

@@ -6,7 +6,7 @@ use crate::draws::hash;
 use crate::error::Result;
 use crate::plan::moving::{Moving, Telegraph};
 use crate::plan::tables::{NoiseTable, Shot, Tables};
-use crate::plan::{LANES, Plan, start};
+use crate::plan::{LANES, Plan};
 use crate::spikes::{Crop, Geometry};
 
 impl Plan {
@@ -21,13 +21,11 @@ impl Plan {
         let tables = cut.tables(&self.tables);
         let moving = self.moving().map(|moving| cut.moving(moving, geometry));
         let origin = self.origin.window(crop, geometry);
-        let start = start::start(&origin, self.seeds, &tables, &self.rules, moving.as_ref(), self.losses);
         Ok(Self {
             geometry,
             tables: Arc::new(tables),
             moving: moving.map(Arc::new),
             origin: Arc::new(origin),
-            start,
             // What all pixels share.
             seeds: self.seeds,
             greatest_light: self.greatest_light,

@@ -52,7 +52,7 @@ impl Simulator {
     pub fn of_plan(plan: Plan) -> Self {
         let tile = tile_of(&plan, 1);
         Self {
-            state: plan.start(),
+            state: kernels::start(&plan),
             backend: Backend::best(),
             bits: vec![Vec::new(); plan.padded().div_ceil(tile)],
             tile,
@@ -117,7 +117,7 @@ impl Simulator {
     /// When `seeds.camera` is another than the plan's.
     pub fn restart(&mut self, seeds: Seeds) -> Result<()> {
         self.plan.reseed(seeds)?;
-        self.state = self.plan.start();
+        self.state = kernels::start(&self.plan);
         Ok(())
     }
 

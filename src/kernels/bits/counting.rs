@@ -53,6 +53,43 @@ impl<R, F: FnOnce() -> R> Work for Plain<F> {
     }
 }
 
+/// Runs `work` compiled for the widest vectors of doubles and of 64-bit integers that this CPU has.
+#[inline]
+pub(crate) fn doubles_with<W: Work>(work: W) -> W::Out {
+    #[cfg(target_arch = "x86_64")]
+    {
+        if has_wide_doubles() {
+            // SAFETY: the CPU has the features that `enter_wide_doubles` is compiled with.
+            return unsafe { enter_wide_doubles(work) };
+        }
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the CPU has the features that `enter_doubles` is compiled with.
+            return unsafe { enter_doubles(work) };
+        }
+    }
+    work.run(AnyCpu, AnyCpu)
+}
+
+#[cfg(target_arch = "x86_64")]
+fn has_wide_doubles() -> bool {
+    is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512vl")
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn enter_doubles<W: Work>(work: W) -> W::Out {
+    work.run(AnyCpu, AnyCpu)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+fn enter_wide_doubles<W: Work>(work: W) -> W::Out {
+    work.run(AnyCpu, AnyCpu)
+}
+
 #[cfg(target_arch = "x86_64")]
 fn has() -> bool {
     is_x86_feature_detected!("popcnt") && is_x86_feature_detected!("bmi1") && is_x86_feature_detected!("bmi2")

@@ -12,7 +12,7 @@ mod shorts;
 mod tally;
 mod vertical;
 
-pub(crate) use counting::{Work, counting, counting_with};
+pub(crate) use counting::{Work, counting, counting_with, doubles_with};
 pub(crate) use matrix::{Bits, Places, ROOM, SLACK, WORDS};
 pub(crate) use planes::TILE;
 #[cfg(test)]
