@@ -7,8 +7,8 @@
 //! }
 //! ```
 
-use crate::kernels::body::increment::{Fine, Increment, Sample, cut_off};
-use crate::kernels::body::pass::{Ahead, FRAMES, Pass, Row, Rows};
+use crate::kernels::body::increment::{Increment, Sample, cut_off};
+use crate::kernels::body::pass::{Ahead, FRAMES, Pass, Rows};
 use crate::kernels::body::pixels::{Constants, Pixels};
 use crate::kernels::body::step;
 use crate::kernels::isa::lanes::Lanes;
@@ -57,7 +57,7 @@ impl<'a> Fresh<'a> {
         }
     }
 
-    /// Runs two vectors from `at` on; false, with nothing done, where the frames end before.
+    /// Runs two vectors from `at` on; false, with nothing done, where the frames end before or a pixel is too dark.
     #[inline(always)]
     pub fn run<L: Lanes, const NOISE: u8, const STORE: u8>(
         &self,
@@ -98,31 +98,20 @@ impl<'a, T: Sample> Frames<'a, T> {
         }
         let greatest = job.plan.rules().greatest_light;
         let (c, d) = (Constants::load(l, job, first), Constants::load(l, job, first + L::N));
-        let bright = self.is_bright(l, greatest, &c) && self.is_bright(l, greatest, &d);
+        if !self.is_bright(l, greatest, &c) || !self.is_bright(l, greatest, &d) {
+            return false;
+        }
         let (c, d) = (Constants { clip: false, ..c }, Constants { clip: false, ..d });
         let (mut pixels, mut others) = (Pixels::load(l, state, at), Pixels::load(l, state, at + L::N));
         let (mut rows, mut frames) = (Rows::new(job, pass.readouts(), out), self.frames[..self.count].iter());
-        // Of 8-bit levels black is nearly always the only one that is too dark.
-        let black = if bright {
-            [None; 2]
-        } else {
-            [Fine::new(l, job, c.p, l.splat_f(0.0)), Fine::new(l, job, d.p, l.splat_f(0.0))]
-        };
         while let (Some(row), Some(frame)) = (rows.next(), frames.next()) {
             let frame = &frame[first..][..2 * L::N];
             let light = cut_off(l, greatest, T::light(l, frame, 0), T::UNBOUNDED);
             let more = cut_off(l, greatest, T::light(l, frame, L::N), T::UNBOUNDED);
-            let dark = !bright && (l.any_less_f(light, c.whole_from) || l.any_less_f(more, d.whole_from));
-            let [fired, also] = if dark {
-                [
-                    dark_row::<L, NOISE, STORE>(l, job, &row, &c, light, &black[0], &mut pixels),
-                    dark_row::<L, NOISE, STORE>(l, job, &row, &d, more, &black[1], &mut others),
-                ]
-            } else {
-                let increments = [&Increment::bright(l, &c, light), &Increment::bright(l, &d, more)];
-                let both = [&mut pixels, &mut others];
-                step::noisy_two::<L, NOISE, STORE, false, true>(l, &row, [&c, &d], increments, both)
-            };
+            let increments = [&Increment::bright(l, &c, light), &Increment::bright(l, &d, more)];
+            let both = [&mut pixels, &mut others];
+            let [fired, also] =
+                step::noisy_two::<L, NOISE, STORE, false, true>(l, &row, [&c, &d], increments, both);
             let bits = &mut row.bits[at / 8..][..const { L::N / 4 }];
             l.store_bits_of_two(bits, fired, also);
         }
@@ -137,44 +126,4 @@ impl<'a, T: Sample> Frames<'a, T> {
         let least = T::least(l, &self.frames[..self.count], c.p);
         !l.any_less_f(cut_off(l, greatest, least, true), c.whole_from)
     }
-}
-
-/// A readout of a vector in which a pixel may need noise with a fraction. What black pixels draw from, `black`, is the same at every
-/// readout, and to look it up takes longer than a readout without it.
-#[inline(always)]
-fn dark_row<L: Lanes, const NOISE: u8, const STORE: u8>(
-    l: L,
-    job: &Job<'_>,
-    row: &Row<'_>,
-    c: &Constants<L>,
-    light: L::Float,
-    black: &Option<Fine<L>>,
-    pixels: &mut Pixels<L>,
-) -> L::Mask {
-    let increment = Increment::new::<true, false>(l, c, light);
-    let fine = if increment.any_fine { fine(l, job, c, light, black) } else { None };
-    step::noisy::<L, NOISE, STORE>(l, job, row, c, &increment, fine.as_ref(), pixels)
-}
-
-#[inline(always)]
-fn fine<L: Lanes>(
-    l: L,
-    job: &Job<'_>,
-    c: &Constants<L>,
-    light: L::Float,
-    black: &Option<Fine<L>>,
-) -> Option<Fine<L>> {
-    let zero = l.splat_f(0.0);
-    let others = l.select_less_f(zero, light, light, l.splat_f(f32::MAX));
-    if l.any_less_f(others, c.whole_from) {
-        return Fine::new(l, job, c.p, light);
-    }
-    let black = (*black)?;
-    Some(Fine {
-        // Noise of none is added where no pixel draws any, which changes nothing.
-        any_normal: true,
-        normal: l.select_less_f(light, c.whole_from, black.normal, zero),
-        quantum: l.select_less_f(light, c.whole_from, black.quantum, zero),
-        ..black
-    })
 }
