@@ -220,19 +220,16 @@ impl StreamWriter {
     /// Puts frames that take `len` bytes of the file at `offset`. Those of spikes alone go straight into the mapped file. Where a layout adds something,
     /// the whole is made beside it first: pages that are written take no fault each.
     fn put(&mut self, offset: u64, packed: &[u8], len: usize) -> Result<()> {
-        if self.codec.frame_bytes() == self.geometry().frame_bytes() {
-            let window = self.writer.window(offset, len)?;
-            self.codec.encode(packed, window)?;
-            self.digest.update(window);
-            return Ok(());
-        }
-        // Bits that a layout adds are zero and stay so: every piece has its frames at the same places.
-        self.encoded.resize(self.encoded.len().max(len), 0);
-        let encoded = &mut self.encoded[..len];
-        self.codec.encode(packed, encoded)?;
-        self.writer.write_at(offset, encoded)?;
-        self.digest.update(encoded);
-        Ok(())
+        let straight = self.codec.frame_bytes() == self.geometry().frame_bytes();
+        let file = if straight {
+            self.writer.window(offset, len)?
+        } else {
+            self.encoded.resize(self.encoded.len().max(len), 0);
+            &mut self.encoded[..len]
+        };
+        self.codec.encode(packed, file)?;
+        self.digest.update(file);
+        if straight { Ok(()) } else { self.writer.write_at(offset, &self.encoded[..len]) }
     }
 
     /// Brings the stream to the disk and gives it its name.

@@ -31,7 +31,7 @@ const LOOKS_THE_SAME: [(&Definition, &str); 4] = [
     (&vignetting::EFFECT, "; light that falls off to the corners looks the same"),
     (
         &readout_jitter::EFFECT,
-        "; which rows have it is not seen: a band about another row looks the same, with half the spread where it has two sides",
+        "; which rows have it is not seen: a band about another row looks nearly the same, with half the spread where it has two sides",
     ),
 ];
 

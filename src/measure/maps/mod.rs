@@ -25,9 +25,10 @@ fn neighbourhood(map: &[f64], width: usize, p: usize, radius: usize) -> impl Ite
 /// The sum of products of two rows, in eight sums that take turns: one alone waits for each addition.
 #[inline(always)]
 fn of_products(a: &[f64], b: &[f64]) -> Sum {
+    // One row may end before the other.
+    let both = a.len().min(b.len());
+    let ((eights, rest), (others, other_rest)) = (a[..both].as_chunks::<8>(), b[..both].as_chunks::<8>());
     let (mut sums, mut counts) = ([0.0; 8], [0.0; 8]);
-    let (eights, rest) = a.as_chunks::<8>();
-    let (others, other_rest) = b.as_chunks::<8>();
     for (a, b) in eights.iter().zip(others) {
         for i in 0..8 {
             let of = Sum::of(a[i] * b[i]);
@@ -35,10 +36,6 @@ fn of_products(a: &[f64], b: &[f64]) -> Sum {
             counts[i] += of.count;
         }
     }
-    // One row may end before the other.
-    let both = eights.len().min(others.len());
-    let rest = if eights.len() > both { &eights[both][..] } else { rest };
-    let other_rest = if others.len() > both { &others[both][..] } else { other_rest };
     for (i, (a, b)) in rest.iter().zip(other_rest).enumerate() {
         let of = Sum::of(a * b);
         sums[i] += of.sum;

@@ -147,9 +147,7 @@ impl Motions {
             if labels.part[i] == 0 { f32::INFINITY } else { z },
         )
     }
-}
 
-impl Motions {
     /// [`at`](Self::at) of four neighbours of a row, without their depths; beyond its end anything.
     #[inline]
     pub(crate) fn four(&self, labels: &Labels, row: usize, column: usize) -> (f32x4, f32x4) {
