@@ -5,7 +5,7 @@
 use crate::kernels::body::moving::moving;
 use crate::kernels::body::noiseless::noiseless;
 use crate::kernels::body::noisy::noisy;
-use crate::kernels::body::step::{CLAMPED, FREE, LATE, NONE, READOUT, RESET, SURPLUS};
+use crate::kernels::body::{CLAMPED, FREE, LATE, NONE, READOUT, RESET, SURPLUS};
 use crate::kernels::isa::lanes::Lanes;
 use crate::kernels::{Job, Light, Samples};
 use crate::pixel::Redraw;

@@ -97,12 +97,14 @@ impl<'a, T: Sample> Frames<'a, T> {
             return false;
         }
         let greatest = job.plan.rules().greatest_light;
-        let (c, d) = (Constants::load(l, job, first), Constants::load(l, job, first + L::N));
+        let c = Constants::load::<NOISE, STORE, false>(l, job, first);
+        let d = Constants::load::<NOISE, STORE, false>(l, job, first + L::N);
         if !self.is_bright(l, greatest, &c) || !self.is_bright(l, greatest, &d) {
             return false;
         }
         let (c, d) = (Constants { clip: false, ..c }, Constants { clip: false, ..d });
-        let (mut pixels, mut others) = (Pixels::load(l, state, at), Pixels::load(l, state, at + L::N));
+        let mut pixels = Pixels::load::<NOISE, STORE, false>(l, state, at);
+        let mut others = Pixels::load::<NOISE, STORE, false>(l, state, at + L::N);
         let (mut rows, mut frames) = (Rows::new(job, pass.readouts(), out), self.frames[..self.count].iter());
         while let (Some(row), Some(frame)) = (rows.next(), frames.next()) {
             let frame = &frame[first..][..2 * L::N];
@@ -115,8 +117,8 @@ impl<'a, T: Sample> Frames<'a, T> {
             let bits = &mut row.bits[at / 8..][..const { L::N / 4 }];
             l.store_bits_of_two(bits, fired, also);
         }
-        pixels.store(l, state, at);
-        others.store(l, state, at + L::N);
+        pixels.store::<NOISE, STORE, false>(l, state, at);
+        others.store::<NOISE, STORE, false>(l, state, at + L::N);
         true
     }
 

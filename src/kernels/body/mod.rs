@@ -11,8 +11,8 @@
 //! frames at once, one cache line from each, ran at a quarter of the speed.
 //!
 //! Const parameters make the common cases free of tests: the `NOISE` of the
-//! threshold ([`step::NONE`], [`step::READOUT`], [`step::RESET`]), how charge is stored (`STORE`:
-//! [`step::FREE`], [`step::CLAMPED`], [`step::SURPLUS`]), `WHOLE` for increments without a
+//! threshold ([`NONE`], [`READOUT`], [`RESET`]), how charge is stored (`STORE`:
+//! [`FREE`], [`CLAMPED`], [`SURPLUS`]), `WHOLE` for increments without a
 //! fraction. With `ANY` the plan is asked at run time instead, and any of its rules
 //! apply; with `EXTRA` it is asked so only where two vectors cannot run
 //! together, and of those rules there are a dead time and flipped bits. What
@@ -34,3 +34,25 @@ mod step;
 mod way;
 
 pub(super) use case::{Entry, by_case, run};
+
+/// No threshold noise.
+const NONE: u8 = 0;
+/// Threshold noise in whole steps, drawn at every readout.
+const READOUT: u8 = 1;
+/// Threshold noise in whole steps, drawn at every reset.
+const RESET: u8 = 2;
+
+/// Added to the kind of threshold noise: what quanta stray by waits, or pixels are undecided. Which of both is asked at run time.
+const LATE: u8 = 4;
+
+/// The kind of threshold noise alone.
+const fn kind(noise: u8) -> u8 {
+    noise & !LATE
+}
+
+/// Charge cannot pass two thresholds: nothing to watch.
+const FREE: u8 = 0;
+/// Charge is bounded.
+const CLAMPED: u8 = 1;
+/// Charge beyond a threshold is counted in whole thresholds.
+const SURPLUS: u8 = 2;

@@ -21,6 +21,7 @@ use crate::kernels::body::increment::{Fine, Increment, fixed};
 use crate::kernels::body::lingering::Lingering;
 use crate::kernels::body::pixels::{Constants, Pixels};
 use crate::kernels::body::step::{hash, stays_below};
+use crate::kernels::body::{NONE, SURPLUS};
 use crate::kernels::isa::lanes::Lanes;
 use crate::kernels::modulation::Around;
 use crate::kernels::{Job, Light};
@@ -112,12 +113,12 @@ impl<L: Lanes> Vector<L> {
     #[inline(always)]
     fn load(l: L, job: &Job<'_>, moving: &Moving, state: &StateParts<'_>, at: usize) -> Self {
         let p = job.range().start + at;
-        let constants = Constants { clip: true, ..Constants::load(l, job, p) };
+        let constants = Constants { clip: true, ..Constants::load::<NONE, SURPLUS, true>(l, job, p) };
         Self {
             constants,
             dark: constants.dark,
             moved: Moved::load(l, moving, p),
-            pixels: Pixels::load(l, state, at),
+            pixels: Pixels::load::<NONE, SURPLUS, true>(l, state, at),
             lingering: Lingering::load(l, state, at),
             start: l.splat_f(0.0),
             way: l.splat_f(0.0),
@@ -127,7 +128,7 @@ impl<L: Lanes> Vector<L> {
 
     #[inline(always)]
     fn store(&self, l: L, state: &mut StateParts<'_>, at: usize) {
-        self.pixels.store(l, state, at);
+        self.pixels.store::<NONE, SURPLUS, true>(l, state, at);
         self.lingering.store(l, state, at);
     }
 

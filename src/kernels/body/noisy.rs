@@ -71,8 +71,8 @@ fn one<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
     state: &mut StateParts<'_>,
     out: &mut [u8],
 ) {
-    let c = Constants::load(l, job, job.range().start + at);
-    let mut pixels = Pixels::load(l, state, at);
+    let c = Constants::load::<NOISE, STORE, ANY>(l, job, job.range().start + at);
+    let mut pixels = Pixels::load::<NOISE, STORE, ANY>(l, state, at);
     for (readouts, light) in pass.segments {
         let (from, to, weights) = match *light {
             Light::Held(samples) => (samples, None, &[][..]),
@@ -95,7 +95,7 @@ fn one<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
             t = end;
         }
     }
-    pixels.store(l, state, at);
+    pixels.store::<NOISE, STORE, ANY>(l, state, at);
 }
 
 /// Readouts under one light.

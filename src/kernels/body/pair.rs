@@ -15,7 +15,8 @@ use crate::kernels::body::arriving::{acting, fallen};
 use crate::kernels::body::increment::{Fine, Increment};
 use crate::kernels::body::pass::{Pass, Row, Rows};
 use crate::kernels::body::pixels::{Constants, Pixels};
-use crate::kernels::body::step::{self, FREE, SURPLUS, stays_below};
+use crate::kernels::body::step::{self, stays_below};
+use crate::kernels::body::{FREE, SURPLUS};
 use crate::kernels::isa::lanes::Lanes;
 use crate::kernels::{Job, Light, Samples};
 use crate::plan::StateParts;
@@ -43,8 +44,8 @@ pub(super) fn pair<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA: bool
     if at + 2 * L::N > job.pixels() || !is_inside(job.tile_bytes(), at / 8, const { L::N / 4 }) {
         return false;
     }
-    let mut first = Held::load::<EXTRA>(l, job, *samples, state, at);
-    let mut second = Held::load::<EXTRA>(l, job, *samples, state, at + L::N);
+    let mut first = Held::load::<NOISE, STORE, EXTRA>(l, job, *samples, state, at);
+    let mut second = Held::load::<NOISE, STORE, EXTRA>(l, job, *samples, state, at + L::N);
     if first.needs_fine(l, job) || second.needs_fine(l, job) {
         return false;
     }
@@ -58,8 +59,8 @@ pub(super) fn pair<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA: bool
         (false, true) => rows::<L, NOISE, STORE, EXTRA, false>(l, job, readouts, at, both, out),
         (false, false) => rows::<L, NOISE, STORE, EXTRA, true>(l, job, readouts, at, both, out),
     }
-    first.pixels.store(l, state, at);
-    second.pixels.store(l, state, at + L::N);
+    first.pixels.store::<NOISE, STORE, EXTRA>(l, state, at);
+    second.pixels.store::<NOISE, STORE, EXTRA>(l, state, at + L::N);
     true
 }
 
@@ -103,17 +104,17 @@ pub(super) fn report<L: Lanes, const EXTRA: bool>(
 
 impl<L: Lanes> Held<L> {
     #[inline(always)]
-    fn load<const EXTRA: bool>(
+    fn load<const NOISE: u8, const STORE: u8, const EXTRA: bool>(
         l: L,
         job: &Job<'_>,
         samples: Samples<'_>,
         state: &StateParts<'_>,
         at: usize,
     ) -> Self {
-        let constants = Constants::load(l, job, job.range().start + at);
+        let constants = Constants::load::<NOISE, STORE, EXTRA>(l, job, job.range().start + at);
         let light = acting(l, job, fallen(l, job, samples, constants.p));
         let increment = Increment::new::<true, EXTRA>(l, &constants, light);
-        Self { constants, light, increment, pixels: Pixels::load(l, state, at) }
+        Self { constants, light, increment, pixels: Pixels::load::<NOISE, STORE, EXTRA>(l, state, at) }
     }
 
     #[inline(always)]

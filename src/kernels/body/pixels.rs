@@ -1,6 +1,7 @@
 //! A vector's state and constants, in registers.
 
 use crate::kernels::Job;
+use crate::kernels::body::{CLAMPED, LATE, NONE, RESET, SURPLUS, kind};
 use crate::kernels::isa::lanes::Lanes;
 use crate::plan::{NoiseTable, Rules, StateParts, Tables};
 
@@ -26,17 +27,24 @@ pub(super) struct Pixels<L: Lanes> {
 }
 
 impl<L: Lanes> Pixels<L> {
+    /// What plans with this noise and storage have, or `ALL` that there is: a push of a few readouts takes as long to ask for
+    /// columns as to use them.
     #[inline(always)]
-    pub fn load(l: L, state: &StateParts<'_>, at: usize) -> Self {
+    pub fn load<const NOISE: u8, const STORE: u8, const ALL: bool>(
+        l: L,
+        state: &StateParts<'_>,
+        at: usize,
+    ) -> Self {
+        let late = ALL || NOISE & LATE != 0;
         Self {
             charge: l.load(state.charge, at),
             fraction: l.load(state.fraction, at),
-            surplus: optional(l, state.surplus, at),
-            fired: optional(l, state.fired, at),
-            held: optional(l, state.held, at),
-            held_fraction: optional(l, state.held_fraction, at),
-            waiting: optional(l, state.waiting, at),
-            waiting_fraction: optional(l, state.waiting_fraction, at),
+            surplus: optional(l, ALL || STORE == SURPLUS, state.surplus, at),
+            fired: optional(l, ALL, state.fired, at),
+            held: optional(l, ALL || kind(NOISE) == RESET, state.held, at),
+            held_fraction: optional(l, ALL, state.held_fraction, at),
+            waiting: optional(l, late, state.waiting, at),
+            waiting_fraction: optional(l, late, state.waiting_fraction, at),
         }
     }
 
@@ -63,16 +71,23 @@ impl<L: Lanes> Pixels<L> {
         l.store(state.fraction, at, self.fraction);
     }
 
+    /// Puts back what [`Pixels::load`] with the same parameters took.
     #[inline(always)]
-    pub fn store(&self, l: L, state: &mut StateParts<'_>, at: usize) {
+    pub fn store<const NOISE: u8, const STORE: u8, const ALL: bool>(
+        &self,
+        l: L,
+        state: &mut StateParts<'_>,
+        at: usize,
+    ) {
+        let late = ALL || NOISE & LATE != 0;
         l.store(state.charge, at, self.charge);
         l.store(state.fraction, at, self.fraction);
-        store_optional(l, state.surplus, at, self.surplus);
-        store_optional(l, state.fired, at, self.fired);
-        store_optional(l, state.held, at, self.held);
-        store_optional(l, state.held_fraction, at, self.held_fraction);
-        store_optional(l, state.waiting, at, self.waiting);
-        store_optional(l, state.waiting_fraction, at, self.waiting_fraction);
+        store_optional(l, ALL || STORE == SURPLUS, state.surplus, at, self.surplus);
+        store_optional(l, ALL, state.fired, at, self.fired);
+        store_optional(l, ALL || kind(NOISE) == RESET, state.held, at, self.held);
+        store_optional(l, ALL, state.held_fraction, at, self.held_fraction);
+        store_optional(l, late, state.waiting, at, self.waiting);
+        store_optional(l, late, state.waiting_fraction, at, self.waiting_fraction);
     }
 
     /// Adds words of steps x 65,536, given as their halves; `low_flipped` is
@@ -131,14 +146,15 @@ impl<L: Lanes> Pixels<L> {
     }
 }
 
+/// A column that not every plan has; zeros where it is not `wanted`.
 #[inline(always)]
-fn optional<L: Lanes>(l: L, column: &[i16], at: usize) -> L::Half {
-    if column.is_empty() { l.splat(0) } else { l.load(column, at) }
+fn optional<L: Lanes>(l: L, wanted: bool, column: &[i16], at: usize) -> L::Half {
+    if !wanted || column.is_empty() { l.splat(0) } else { l.load(column, at) }
 }
 
 #[inline(always)]
-fn store_optional<L: Lanes>(l: L, column: &mut [i16], at: usize, value: L::Half) {
-    if !column.is_empty() {
+fn store_optional<L: Lanes>(l: L, wanted: bool, column: &mut [i16], at: usize, value: L::Half) {
+    if wanted && !column.is_empty() {
         l.store(column, at, value);
     }
 }
@@ -182,13 +198,13 @@ impl<L: Lanes> Constants<L> {
         Self {
             p,
             threshold: l.load(&tables.threshold, p),
-            ceiling: optional(l, &tables.ceiling, p),
+            ceiling: optional(l, true, &tables.ceiling, p),
             pair_keys: zero,
             undecided: zero,
             is_undecided: false,
             released: 0,
             noise: zero,
-            whole_gain: optional(l, &tables.whole_gain, p),
+            whole_gain: optional(l, true, &tables.whole_gain, p),
             gain: l.load_f(&tables.gain, p),
             dark: l.load_f(&tables.dark, p),
             whole_from: none,
@@ -201,10 +217,12 @@ impl<L: Lanes> Constants<L> {
         }
     }
 
+    /// What plans with this noise and storage have, or `ALL` that there is but for [`Constants::whole_gain`], which only plans without
+    /// noise ask for.
     #[inline(always)]
-    pub fn load(l: L, job: &Job<'_>, p: usize) -> Self {
+    pub fn load<const NOISE: u8, const STORE: u8, const ALL: bool>(l: L, job: &Job<'_>, p: usize) -> Self {
         // What a plan says is taken apart, so that nothing of it is forgotten.
-        let Tables { threshold, pair_keys, gain, whole_gain, dark, ceiling, undecided, shot, noise } =
+        let Tables { threshold, pair_keys, gain, whole_gain: _, dark, ceiling, undecided, shot, noise } =
             job.plan.tables();
         let Rules {
             released,
@@ -220,7 +238,8 @@ impl<L: Lanes> Constants<L> {
             greatest_light: _,
         } = *job.plan.rules();
         let none = l.splat_f(0.0);
-        let undecided = optional(l, undecided, p);
+        let late = ALL || NOISE & LATE != 0;
+        let undecided = optional(l, late, undecided, p);
         let (whole_from, slope, offset) = match shot {
             Some(s) => (l.load_f(&s.whole_from, p), l.load_f(&s.slope, p), l.load_f(&s.offset, p)),
             None => (none, none, none),
@@ -228,16 +247,16 @@ impl<L: Lanes> Constants<L> {
         Self {
             p,
             threshold: l.load(threshold, p),
-            ceiling: optional(l, ceiling, p),
+            ceiling: optional(l, ALL || STORE == CLAMPED, ceiling, p),
             pair_keys: l.load_pairs(pair_keys, p / 2),
             undecided,
-            is_undecided: l.bits(l.greater(undecided, l.splat(0))) != 0,
+            is_undecided: late && l.bits(l.greater(undecided, l.splat(0))) != 0,
             released,
             noise: match noise {
-                Some(NoiseTable::Whole(m)) => l.load(m, p),
+                Some(NoiseTable::Whole(m)) if ALL || kind(NOISE) != NONE => l.load(m, p),
                 _ => l.splat(0),
             },
-            whole_gain: optional(l, whole_gain, p),
+            whole_gain: l.splat(0),
             gain: l.load_f(gain, p),
             dark: l.load_f(dark, p),
             whole_from,

@@ -6,29 +6,8 @@ use crate::kernels::Job;
 use crate::kernels::body::increment::{Fine, Increment, fixed};
 use crate::kernels::body::pass::Row;
 use crate::kernels::body::pixels::{Constants, Pixels};
+use crate::kernels::body::{CLAMPED, FREE, LATE, NONE, RESET, SURPLUS, kind};
 use crate::kernels::isa::lanes::Lanes;
-
-/// No threshold noise.
-pub(super) const NONE: u8 = 0;
-/// Threshold noise in whole steps, drawn at every readout.
-pub(super) const READOUT: u8 = 1;
-/// Threshold noise in whole steps, drawn at every reset.
-pub(super) const RESET: u8 = 2;
-
-/// Added to the kind of threshold noise: what quanta stray by waits, or pixels are undecided. Which of both is asked at run time.
-pub(super) const LATE: u8 = 4;
-
-/// The kind of threshold noise alone.
-const fn kind(noise: u8) -> u8 {
-    noise & !LATE
-}
-
-/// Charge cannot pass two thresholds: nothing to watch.
-pub(super) const FREE: u8 = 0;
-/// Charge is bounded.
-pub(super) const CLAMPED: u8 = 1;
-/// Charge beyond a threshold is counted in whole thresholds.
-pub(super) const SURPLUS: u8 = 2;
 
 #[inline(always)]
 pub(super) fn hash<L: Lanes>(l: L, keys: L::Half, round: &Round) -> L::Half {

@@ -64,16 +64,16 @@ impl<'a> Ways<'a> {
         if at + 2 * L::N > job.pixels() || !is_inside(job.tile_bytes(), at / 8, const { L::N / 4 }) {
             return false;
         }
-        let mut first = Vector::load(l, job, state, at);
-        let mut second = Vector::load(l, job, state, at + L::N);
+        let mut first = Vector::load::<NOISE, STORE, EXTRA>(l, job, state, at);
+        let mut second = Vector::load::<NOISE, STORE, EXTRA>(l, job, state, at + L::N);
         if !self.is_bright(l, job, [&first.constants, &second.constants]) {
             return false;
         }
         for segment in self.segments {
             rows::<L, NOISE, STORE, EXTRA>(l, job, segment, at, [&mut first, &mut second], out);
         }
-        first.pixels.store(l, state, at);
-        second.pixels.store(l, state, at + L::N);
+        first.pixels.store::<NOISE, STORE, EXTRA>(l, state, at);
+        second.pixels.store::<NOISE, STORE, EXTRA>(l, state, at + L::N);
         true
     }
 
@@ -99,9 +99,15 @@ impl<'a> Ways<'a> {
 
 impl<L: Lanes> Vector<L> {
     #[inline(always)]
-    fn load(l: L, job: &Job<'_>, state: &StateParts<'_>, at: usize) -> Self {
-        let constants = Constants { clip: false, ..Constants::load(l, job, job.range().start + at) };
-        Self { constants, pixels: Pixels::load(l, state, at) }
+    fn load<const NOISE: u8, const STORE: u8, const ALL: bool>(
+        l: L,
+        job: &Job<'_>,
+        state: &StateParts<'_>,
+        at: usize,
+    ) -> Self {
+        let constants = Constants::load::<NOISE, STORE, ALL>(l, job, job.range().start + at);
+        let constants = Constants { clip: false, ..constants };
+        Self { constants, pixels: Pixels::load::<NOISE, STORE, ALL>(l, state, at) }
     }
 }
 
