@@ -162,6 +162,7 @@ proptest! {
     fn batches_resume_points_and_threads_change_no_bit(
         camera in any_camera(),
         pieces in proptest::collection::vec(1usize..150, 1..5),
+        save in any::<bool>(),
         threads in 1usize..4,
         shot in any::<u64>(),
         level in 0.0f32..1.3,
@@ -170,7 +171,7 @@ proptest! {
         let plan = Plan::with_light(&camera, seeds(shot), greatest).unwrap();
         let light = spread_light(f64::from(level), 0.3, plan.geometry().pixels(), shot);
         let whole = run_in_pieces(&plan, &light, &[pieces.iter().sum()], false, 1);
-        let cut = run_in_pieces(&plan, &light, &pieces, true, threads);
+        let cut = run_in_pieces(&plan, &light, &pieces, save, threads);
         prop_assert!(whole.0 == cut.0, "bits differ");
         prop_assert!(whole.1 == cut.1, "states differ");
     }

@@ -25,6 +25,9 @@ pub struct Simulator {
     /// Pixels of a tile.
     tile: usize,
     bits: Vec<Vec<u8>>,
+    /// Whether the last batch went through the tiles backwards. Every second one of a single frame does: it finds in the caches
+    /// what the batch before it used last.
+    turned: bool,
     #[cfg(feature = "threads")]
     pool: Option<std::sync::Arc<rayon::ThreadPool>>,
 }
@@ -55,6 +58,7 @@ impl Simulator {
             state: kernels::start(&plan),
             backend: Backend::best(),
             bits: vec![Vec::new(); plan.padded().div_ceil(tile)],
+            turned: false,
             tile,
             plan,
             #[cfg(feature = "threads")]
@@ -353,7 +357,13 @@ impl Simulator {
             }
             return self.collect(readouts, out);
         }
-        parts.iter_mut().zip(&mut self.bits).enumerate().for_each(tile);
+        let all = parts.iter_mut().zip(&mut self.bits).enumerate();
+        self.turned = segments.len() == 1 && !self.turned;
+        if self.turned {
+            all.rev().for_each(tile);
+        } else {
+            all.for_each(tile);
+        }
         self.collect(readouts, out)
     }
 
