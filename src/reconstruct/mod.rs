@@ -8,6 +8,7 @@
 
 mod detail;
 mod intervals;
+#[cfg(feature = "files")]
 mod noise;
 mod quality;
 mod span;
@@ -24,10 +25,10 @@ pub use intervals::isi_map;
 #[cfg(not(feature = "internals"))]
 pub(crate) use intervals::isi_map;
 pub use intervals::{Tfi, tfi, tfi_at};
-#[cfg(feature = "internals")]
+#[cfg(all(feature = "files", feature = "internals"))]
 #[doc(hidden)]
 pub use noise::{difference_noise, patch_noise};
-#[cfg(not(feature = "internals"))]
+#[cfg(all(feature = "files", not(feature = "internals")))]
 pub(crate) use noise::{difference_noise, patch_noise};
 pub use quality::{psnr, ssim};
 pub use span::span;
