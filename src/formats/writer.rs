@@ -12,6 +12,9 @@ use crate::storage::{Digest, Writer};
 /// between the two, and are enough for all lanes of the digest.
 const PIECE: usize = 128 << 10;
 
+/// The same where the system copies them while they are digested: enough to wake another thread for.
+const ASIDE: usize = 1 << 20;
+
 /// A stream of unknown length reserves this much at first, and then a quarter more each
 /// time, at most [`MOST_AHEAD`]: few calls, and never far more of the disk than is used.
 const FIRST: u64 = 16 << 20;
@@ -207,7 +210,8 @@ impl StreamWriter {
                     self.written, self.readouts
                 )));
         }
-        let step = (PIECE / self.codec.frame_bytes()).max(1);
+        let piece = if self.is_straight() { PIECE } else { ASIDE };
+        let step = (piece / self.codec.frame_bytes()).max(1);
         for piece in packed.chunks(step * size) {
             let frames = piece.len() / size;
             let offset = self.start + self.written * self.codec.frame_bytes() as u64;
@@ -217,19 +221,25 @@ impl StreamWriter {
         Ok(())
     }
 
+    /// Whether the file's frames are spikes alone.
+    fn is_straight(&self) -> bool {
+        self.codec.frame_bytes() == self.geometry().frame_bytes()
+    }
+
     /// Puts frames that take `len` bytes of the file at `offset`. Those of spikes alone go straight into the mapped file. Where a layout adds something,
     /// the whole is made beside it first: pages that are written take no fault each.
     fn put(&mut self, offset: u64, packed: &[u8], len: usize) -> Result<()> {
-        let straight = self.codec.frame_bytes() == self.geometry().frame_bytes();
-        let file = if straight {
-            self.writer.window(offset, len)?
-        } else {
-            self.encoded.resize(self.encoded.len().max(len), 0);
-            &mut self.encoded[..len]
-        };
+        if self.is_straight() {
+            let file = self.writer.window(offset, len)?;
+            self.codec.encode(packed, file)?;
+            self.digest.update(file);
+            return Ok(());
+        }
+        self.encoded.resize(self.encoded.len().max(len), 0);
+        let file = &mut self.encoded[..len];
         self.codec.encode(packed, file)?;
-        self.digest.update(file);
-        if straight { Ok(()) } else { self.writer.write_at(offset, &self.encoded[..len]) }
+        let (file, digest, writer) = (&*file, &mut self.digest, &mut self.writer);
+        both(|| writer.write_at(offset, file), || digest.update(file))
     }
 
     /// Brings the stream to the disk and gives it its name.
@@ -251,6 +261,17 @@ impl StreamWriter {
             forget_sidecar(&done.path)?;
         }
         Ok(Finished { path: done.path, bytes: done.bytes, digest: self.digest.text(), sync: done.sync })
+    }
+}
+
+/// Does both, side by side where there are threads.
+fn both<T: Send>(one: impl FnOnce() -> T + Send, other: impl FnOnce() + Send) -> T {
+    #[cfg(feature = "threads")]
+    return rayon::join(one, other).0;
+    #[cfg(not(feature = "threads"))]
+    {
+        other();
+        one()
     }
 }
 

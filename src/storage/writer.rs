@@ -32,6 +32,8 @@ pub struct Writer {
     partial: Partial,
     bytes: u64,
     position: u64,
+    /// Whether blocks are reserved window by window, as each is mapped, and not where none is.
+    by_window: bool,
 }
 
 #[derive(Debug)]
@@ -57,12 +59,27 @@ impl Writer {
     /// # Errors
     /// [`Kind::Exists`] when `path` exists and `force` is false, [`Kind::Space`]
     /// when the disk cannot hold the file (blocks are reserved here, so a full
-    /// disk cannot strike later), and what the operating system refuses.
+    /// disk cannot strike later; in memory they are only counted, since there to reserve a page is
+    /// to clear it), and what the operating system refuses.
     pub fn create(path: &Path, bytes: u64, force: bool) -> Result<Self> {
         let partial = Partial::create(path, force)?;
-        check_space(path, bytes)?;
-        reserve(partial.file(), 0, bytes).map_err(|e| reserve_error(path, bytes, e))?;
-        Ok(Self { window: None, partial, bytes, position: 0 })
+        let by_window = is_in_memory(partial.file());
+        let mut writer = Self { window: None, partial, bytes: 0, position: 0, by_window };
+        writer.lengthen(bytes)?;
+        Ok(writer)
+    }
+
+    fn lengthen(&mut self, bytes: u64) -> Result<()> {
+        let (path, more) = (self.path(), bytes - self.bytes);
+        check_space(path, more)?;
+        if self.by_window {
+            self.partial.file().set_len(bytes).map_err(|e| Error::io(path.display(), e))?;
+        } else {
+            let reserved = reserve(self.partial.file(), self.bytes, bytes);
+            reserved.map_err(|e| reserve_error(path, more, e))?;
+        }
+        self.bytes = bytes;
+        Ok(())
     }
 
     /// Makes the file longer (with zeros, reserved as at the start) or cuts it.
@@ -70,16 +87,12 @@ impl Writer {
     /// # Errors
     /// [`Kind::Space`] when the disk cannot hold it; what the operating system refuses.
     pub fn resize(&mut self, bytes: u64) -> Result<()> {
-        let path = self.path().to_path_buf();
         // Nothing may be mapped where the file will end.
         self.window = None;
         if bytes > self.bytes {
-            check_space(&path, bytes - self.bytes)?;
-            let reserved = reserve(self.partial.file(), self.bytes, bytes);
-            reserved.map_err(|e| reserve_error(&path, bytes - self.bytes, e))?;
-        } else {
-            self.partial.file().set_len(bytes).map_err(|e| Error::io(path.display(), e))?;
+            return self.lengthen(bytes);
         }
+        self.partial.file().set_len(bytes).map_err(|e| Error::io(self.path().display(), e))?;
         self.bytes = bytes;
         Ok(())
     }
@@ -173,8 +186,13 @@ impl Writer {
         let lead = (offset - start) as usize;
         let wanted = (lead + len).max(WINDOW);
         let size = usize::try_from(self.bytes - start).map_or(wanted, |left| left.min(wanted));
+        if self.by_window {
+            // What has been written there stays.
+            let reserved = reserve(self.partial.file(), start, start + size as u64);
+            reserved.map_err(|e| reserve_error(self.path(), size as u64, e))?;
+        }
         // SAFETY: the file is ours alone: created under a fresh hidden name, never shared,
-        // not shortened while mapped, with every block reserved (no fault on a full disk).
+        // not shortened while mapped, with every block of the window reserved (no fault on a full disk).
         // Somebody who opens and cuts a hidden partial file breaks this; no API prevents that.
         let map = unsafe { MmapOptions::new().offset(start).len(size).map_mut(self.partial.file()) };
         let map = map.map_err(|e| Error::io(self.path().display(), e))?;
@@ -199,6 +217,22 @@ impl Writer {
 impl Window {
     fn holds(&self, offset: u64, len: usize) -> bool {
         offset >= self.offset && offset + len as u64 <= self.offset + self.map.len() as u64
+    }
+}
+
+/// Whether a file lies in memory, where to reserve a page is to clear it: of 1 GB that is a quarter of a second, before the first byte is
+/// read, for pages that are then written whole.
+fn is_in_memory(file: &File) -> bool {
+    #[cfg(target_os = "linux")]
+    {
+        // From linux/magic.h; the type of `f_type` is another on each architecture.
+        const TMPFS: i128 = 0x0102_1994;
+        rustix::fs::fstatfs(file).is_ok_and(|disk| i128::from(disk.f_type) == TMPFS)
+    }
+    #[cfg(not(target_os = "linux"))]
+    {
+        let _ = file;
+        false
     }
 }
 
