@@ -39,20 +39,20 @@ pub struct Detail {
     pub outliers: usize,
 }
 
-/// Readouts that there have to be before and behind a picture's own.
-const LEAST: usize = 20;
-
 impl Reference {
+    /// Readouts that there have to be before and behind a picture's own.
+    pub const LEAST: usize = 20;
+
     /// A scene that stands still, as the span rates of the readouts before `own`, those of a picture, and behind them have it.
     ///
     /// # Errors
     /// [`Kind::Usage`] when there are fewer than 20 readouts on either side.
     pub fn of_others(packed: Packed, own: Range<usize>) -> Result<Self> {
         let all = packed.readouts();
-        if own.start < LEAST || own.end + LEAST > all {
+        if own.start < Self::LEAST || own.end + Self::LEAST > all {
             return Err(Error::new(Kind::Usage, "a still scene beside a picture of it")
                 .found(format_args!("{all} readouts, {own:?} of them in the picture"))
-                .expected(format_args!("{LEAST} and more before and behind"))
+                .expected(format_args!("{} and more before and behind", Self::LEAST))
                 .remedy("give a smaller --window, or --at nearer to the middle"));
         }
         let of = |part: Range<usize>| span(packed.part(part.clone()), part.len() / 2, part.len());

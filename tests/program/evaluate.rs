@@ -218,3 +218,91 @@ fn the_first_look_shows_only_what_can_be_made() {
     seen.sort_unstable();
     assert!(seen[0] < 96 && seen[1] > PIXELS / 2, "{seen:?}");
 }
+
+/// A drifting scene with a clear image at every 40th readout, of the run and its sidecar.
+fn drive(place: &Place) {
+    place.good("simulate --camera physical --width 96 --height 64 --readouts 200 --images-every 40 -o run");
+}
+
+fn moments(told: &[Value]) -> Vec<&Value> {
+    told.iter().filter(|event| event["event"] == "moment").collect()
+}
+
+#[test]
+fn every_moment_is_told_as_it_is_alone() {
+    let place = Place::new();
+    field(&place, 240);
+    let line = format!("evaluate s.dat {SIZE} --clear gt.png --clear-transfer linear --full 0.6 --json");
+    let told = place.good(&format!("{line} --every 60 --window 41")).events();
+    let all = moments(&told);
+    let at: Vec<_> = all.iter().map(|moment| moment["readout"].as_u64().unwrap()).collect();
+    assert_eq!(at, [30, 90, 150, 210]);
+    for moment in all {
+        let alone =
+            place.good(&format!("{line} --at {} --window 41", moment["readout"])).events().pop().unwrap();
+        assert_eq!(moment["pictures"], alone["pictures"]);
+    }
+}
+
+#[test]
+fn the_means_of_moments_are_their_means() {
+    let place = Place::new();
+    field(&place, 240);
+    let line = format!("evaluate s.dat {SIZE} --clear gt.png --clear-transfer linear --full 0.6 --json");
+    let told = place.good(&format!("{line} --every 60 --window 41")).events();
+    let all = moments(&told);
+    let means = told.last().unwrap();
+    for name in ["tfp 41", "tfp 41 blurred", "span 41", "tfi", "clear image"] {
+        for key in ["psnr_db", "ssim", "detail_slope", "high_pass_noise"] {
+            let values: Vec<f64> =
+                all.iter().filter_map(|moment| named(moment, name)["marks"][key].as_f64()).collect();
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            let of = named(means, name)["marks"][key].as_f64();
+            assert!(values.is_empty() == of.is_none(), "{name} {key}");
+            assert!(of.is_none_or(|of| (of - mean).abs() < 1e-9), "{name} {key}: {of:?} for {mean}");
+        }
+    }
+}
+
+#[test]
+fn images_named_by_their_readouts_say_where_to_look() {
+    let place = Place::new();
+    drive(&place);
+    let told = place.good("evaluate run.dat --clear run.images --window 41 --json").events();
+    let all = moments(&told);
+    let at: Vec<_> = all.iter().map(|moment| moment["readout"].as_u64().unwrap()).collect();
+    assert_eq!(at, [40, 80, 120, 160]);
+    for moment in all {
+        let at = moment["readout"].as_u64().unwrap();
+        let line = format!("evaluate run.dat --clear run.images/{at:06}.png --at {at} --window 41 --json");
+        assert_eq!(moment["pictures"], place.good(&line).events().pop().unwrap()["pictures"]);
+    }
+    let text = place.good("evaluate run.dat --clear run.images --window 41").stdout;
+    assert!(text.contains("means over 4 readouts, 40 to 160"), "{text}");
+    assert!(text.contains("left out: 1 of 5, whose windows reach beyond"), "{text}");
+}
+
+#[test]
+fn only_the_kinds_that_are_asked_for_are_made() {
+    let place = Place::new();
+    field(&place, 120);
+    let told = evaluate(&place, "--method span --method tfi --window 21");
+    let names: Vec<_> = told["pictures"].as_array().unwrap().iter().map(|p| p["picture"].clone()).collect();
+    assert_eq!(names, ["span 21", "tfi"]);
+}
+
+#[test]
+fn moments_that_cannot_be_are_refused() {
+    let place = Place::new();
+    drive(&place);
+    std::fs::create_dir(place.path("none")).unwrap();
+    place.refused("evaluate run.dat --clear none", 4, &["none", "000100.png"]);
+    place.refused("evaluate run.dat --clear run.images --every 40", 2, &["--every", "run.images"]);
+    place.refused("evaluate run.dat --clear run.images --at 40", 2, &["--at", "run.images"]);
+    place.refused("evaluate run.dat --every 40 --at 3", 2, &["--at"]);
+    place.refused("evaluate run.dat --every 300 --window 401", 4, &["run.dat", "--window"]);
+    std::fs::copy(place.path("run.images/000040.png"), place.path("run.images/40.png")).unwrap();
+    place.refused("evaluate run.dat --clear run.images", 4, &["two images of readout 40"]);
+    std::fs::rename(place.path("run.images/40.png"), place.path("run.images/900.png")).unwrap();
+    place.refused("evaluate run.dat --clear run.images", 4, &["900", "200"]);
+}

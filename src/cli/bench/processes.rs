@@ -45,7 +45,11 @@ const PROCESSES: [(&str, &[&str], u64); 8] = [
         &["reconstruct", "../stream.dat", "--window", "100", "--every", "100", "-o", "out.npy"],
         STREAM,
     ),
-    ("evaluate", &["evaluate", "../stream.dat"], STREAM),
+    (
+        "evaluate, a picture for each 100 readouts",
+        &["evaluate", "../stream.dat", "--method", "tfp", "--window", "101", "--every", "100"],
+        STREAM,
+    ),
 ];
 
 const VIDEO_HELD: &[&str] =

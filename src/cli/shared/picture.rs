@@ -51,6 +51,12 @@ pub(crate) fn png(image: &GrayImage) -> Result<Vec<u8>> {
     Ok(bytes.into_inner())
 }
 
+/// One readout in each step of so many, in its middle.
+pub(crate) fn moments(readouts: usize, step: usize) -> Vec<usize> {
+    let first = (step / 2).min(readouts / 2);
+    (first..readouts).step_by(step).collect()
+}
+
 /// Packed frames around a readout, and the place of that readout among them.
 pub(crate) fn around(reader: &Reader, at: usize, half: usize) -> Result<(Vec<u8>, usize)> {
     let first = at.saturating_sub(half);

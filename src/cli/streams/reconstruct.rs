@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use crate::cli::shared::output::Out;
-use crate::cli::shared::picture::{around, bright};
+use crate::cli::shared::picture::{around, bright, moments};
 use crate::cli::shared::progress::{Progress, stop_flag};
 use crate::cli::shared::stream::StreamArgs;
 use crate::cli::shared::video::{Pictures, Video};
@@ -116,9 +116,7 @@ impl Args {
         if !many || self.at.is_some() {
             return vec![self.at.unwrap_or(readouts / 2)];
         }
-        let step = self.every.map_or(2 * self.half() + 1, |n| n as usize);
-        let first = (step / 2).min(readouts / 2);
-        (first..readouts).step_by(step).collect()
+        moments(readouts, self.every.map_or(2 * self.half() + 1, |n| n as usize))
     }
 }
 

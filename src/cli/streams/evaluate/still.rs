@@ -10,7 +10,7 @@ use crate::spikes::Packed;
 use crate::{Error, Kind, Result};
 
 /// Readouts on either side that are looked at.
-const REACH: usize = 4096;
+pub(super) const REACH: usize = 4096;
 
 /// A stream whose scene stands still.
 pub(crate) struct Still {
