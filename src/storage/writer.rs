@@ -342,6 +342,38 @@ mod tests {
         assert_eq!(found[WINDOW - 10..], expected.concat());
     }
 
+    /// As in memory, on whatever lies here: blocks beyond the window that is mapped are not taken.
+    #[test]
+    fn a_file_that_is_reserved_by_window_holds_what_was_written_and_no_more() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("by-window");
+        let bytes = 2 * WINDOW as u64 + 30;
+        let partial = Partial::create(&path, false).unwrap();
+        let mut writer = Writer { window: None, partial, bytes: 0, position: 0, by_window: true };
+        writer.lengthen(bytes).unwrap();
+        writer.write_at(5, &[1; 20]).unwrap();
+        writer.window(10, 10).unwrap()[..5].fill(2);
+        let taken = 512 * writer.partial.file().metadata().unwrap().blocks();
+        assert!((WINDOW as u64..bytes).contains(&taken), "{taken} bytes taken");
+        writer.write_at(bytes - 5, &[3; 5]).unwrap();
+        writer.finish().unwrap();
+        let found = std::fs::read(&path).unwrap();
+        assert_eq!(found.len() as u64, bytes);
+        let expected = [vec![0; 5], vec![1; 5], vec![2; 5], vec![1; 10], vec![0; 5]].concat();
+        assert!(found[..30] == expected && found[bytes as usize - 6..] == [0, 3, 3, 3, 3, 3]);
+        assert!(found[30..bytes as usize - 5].iter().all(|b| *b == 0));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_file_of_the_memory_is_known() {
+        let Ok(file) = tempfile::tempfile_in("/dev/shm") else {
+            println!("skipped: no /dev/shm to write to");
+            return;
+        };
+        assert!(is_in_memory(&file));
+    }
+
     #[test]
     fn windows_join_without_seam() {
         let dir = tempfile::tempdir().unwrap();

@@ -228,18 +228,24 @@ fn moments(told: &[Value]) -> Vec<&Value> {
     told.iter().filter(|event| event["event"] == "moment").collect()
 }
 
+const AGAINST_LIGHT: &str = "evaluate s.dat --width 96 --height 64 --clear gt.png --clear-transfer linear --full 0.6 --window 41 --json";
+
+/// What is told of every 60th of 240 readouts.
+fn four_moments(place: &Place) -> Vec<Value> {
+    field(place, 240);
+    place.good(&format!("{AGAINST_LIGHT} --every 60")).events()
+}
+
 #[test]
 fn every_moment_is_told_as_it_is_alone() {
     let place = Place::new();
-    field(&place, 240);
-    let line = format!("evaluate s.dat {SIZE} --clear gt.png --clear-transfer linear --full 0.6 --json");
-    let told = place.good(&format!("{line} --every 60 --window 41")).events();
+    let told = four_moments(&place);
     let all = moments(&told);
     let at: Vec<_> = all.iter().map(|moment| moment["readout"].as_u64().unwrap()).collect();
     assert_eq!(at, [30, 90, 150, 210]);
     for moment in all {
         let alone =
-            place.good(&format!("{line} --at {} --window 41", moment["readout"])).events().pop().unwrap();
+            place.good(&format!("{AGAINST_LIGHT} --at {}", moment["readout"])).events().pop().unwrap();
         assert_eq!(moment["pictures"], alone["pictures"]);
     }
 }
@@ -247,9 +253,7 @@ fn every_moment_is_told_as_it_is_alone() {
 #[test]
 fn the_means_of_moments_are_their_means() {
     let place = Place::new();
-    field(&place, 240);
-    let line = format!("evaluate s.dat {SIZE} --clear gt.png --clear-transfer linear --full 0.6 --json");
-    let told = place.good(&format!("{line} --every 60 --window 41")).events();
+    let told = four_moments(&place);
     let all = moments(&told);
     let means = told.last().unwrap();
     for name in ["tfp 41", "tfp 41 blurred", "span 41", "tfi", "clear image"] {
@@ -300,6 +304,9 @@ fn moments_that_cannot_be_are_refused() {
     place.refused("evaluate run.dat --clear run.images --every 40", 2, &["--every", "run.images"]);
     place.refused("evaluate run.dat --clear run.images --at 40", 2, &["--at", "run.images"]);
     place.refused("evaluate run.dat --every 40 --at 3", 2, &["--at"]);
+    place.write("dark.dat", vec![0; 200 * PIXELS / 8]);
+    let line = format!("evaluate dark.dat {SIZE} --still --every 40 --window 21");
+    place.refused(&line, 4, &["dark.dat", "without detail"]);
     place.refused("evaluate run.dat --every 300 --window 401", 4, &["run.dat", "--window"]);
     std::fs::copy(place.path("run.images/000040.png"), place.path("run.images/40.png")).unwrap();
     place.refused("evaluate run.dat --clear run.images", 4, &["two images of readout 40"]);

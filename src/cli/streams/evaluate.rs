@@ -66,10 +66,7 @@ fn stream(args: &Args, out: &Out) -> Result<()> {
     let second = details(pictures.iter().map(Picture::detail));
     if let (Some(still), true) = (&still, second.is_empty()) {
         still.reference(at..at + 1)?;
-        return Err(Error::new(Kind::Input, args.file.display())
-            .found("windows that leave too few readouts, or a scene without detail")
-            .expected("a scene with structure, and 20 readouts before and behind each window")
-            .remedy("give a smaller --window"));
+        return Err(still::without_detail(&args.file));
     }
     text += &second;
     text.extend(pictures.iter().filter_map(|p| Some(format!("note: {}: {}\n", p.name, p.note.as_ref()?))));

@@ -27,8 +27,8 @@ pub(super) struct Pixels<L: Lanes> {
 }
 
 impl<L: Lanes> Pixels<L> {
-    /// What plans with this noise and storage have, or `ALL` that there is: a push of a few readouts takes as long to ask for
-    /// columns as to use them.
+    /// What plans with this noise and storage have, or `ALL` that there is: of a push of four readouts a tenth went to
+    /// asking for columns that its case has not.
     #[inline(always)]
     pub fn load<const NOISE: u8, const STORE: u8, const ALL: bool>(
         l: L,

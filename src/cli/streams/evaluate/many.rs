@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::args::Args;
-use super::picture::{Beside, INTERVAL, Method, Picture, means, pictures, tables};
+use super::picture::{Beside, INTERVAL, Mean, Method, Picture, means, pictures, tables};
 use super::still::{self, Still};
 use super::truth::{Curve, Truth};
 
@@ -52,6 +52,9 @@ pub(super) fn run(args: &Args, reader: &Reader, folder: Option<&Path>, out: &Out
     let moments = inside(args, reader, all)?;
     let originals = originals(args, reader, &moments)?;
     let means = means(&judge(args, reader, &originals, &moments, out)?);
+    if args.still && !means.iter().any(Mean::has_detail) {
+        return Err(still::without_detail(&args.file));
+    }
     let file = args.file.display();
     let (first, last) = (moments[0].at, moments[moments.len() - 1].at);
     let mut text = format!("{file}: means over {} readouts, {first} to {last}\n", moments.len());
@@ -63,7 +66,7 @@ pub(super) fn run(args: &Args, reader: &Reader, folder: Option<&Path>, out: &Out
         text += &format!("{}\n", truth.line());
     }
     text += &tables(&means);
-    let told: Vec<_> = means.iter().map(|mean| mean.json()).collect();
+    let told: Vec<_> = means.iter().map(Mean::json).collect();
     let mut event = json!({
         "event": "means", "file": file.to_string(), "moments": moments.len(), "left_out": left_out,
         "pictures": told,

@@ -149,6 +149,10 @@ impl Marks {
         )
     }
 
+    pub(crate) fn has_detail(&self) -> bool {
+        self.detail.is_some()
+    }
+
     /// The row of [`DETAIL`]; none without a reference.
     pub(crate) fn detail_row(&self, name: &str) -> Option<String> {
         let found = self.detail?;

@@ -195,6 +195,11 @@ impl Mean {
         }
     }
 
+    /// Whether the second table has a row of it.
+    pub(super) fn has_detail(&self) -> bool {
+        self.average.is_some_and(|average| average.has_detail())
+    }
+
     /// Noise is a share of each picture's mean.
     pub(super) fn json(&self) -> Value {
         let mut all = json!({ "picture": self.name, "pictures": self.of, "measurable": self.measured });

@@ -1,6 +1,7 @@
 //! The near-truth of a scene that stands still: what a stream says of it outside of a picture's own readouts.
 
 use std::ops::Range;
+use std::path::Path;
 
 use crate::cli::shared::picture::around;
 use crate::compare::steady;
@@ -11,6 +12,14 @@ use crate::{Error, Kind, Result};
 
 /// Readouts on either side that are looked at.
 pub(super) const REACH: usize = 4096;
+
+/// Of a still scene that gives nothing to compare with.
+pub(super) fn without_detail(stream: &Path) -> Error {
+    Error::new(Kind::Input, stream.display())
+        .found("windows that leave too few readouts, or a scene without detail")
+        .expected("a scene with structure, and 20 readouts before and behind each window")
+        .remedy("give a smaller --window")
+}
 
 /// A stream whose scene stands still.
 pub(crate) struct Still {
