@@ -29,6 +29,8 @@ pub enum Kind {
     Corrupt,
     /// Another process is at this work.
     Busy,
+    /// There is no memory for a size that an input requires.
+    Memory,
     /// Asked to stop in the middle of work that is to be queued again.
     Requeue,
     /// The user asked to stop.
@@ -49,6 +51,7 @@ impl Kind {
             Self::Tool => "tool",
             Self::Corrupt => "corrupt",
             Self::Busy => "busy",
+            Self::Memory => "memory",
             Self::Requeue => "requeue",
             Self::Interrupted => "interrupted",
         }
@@ -67,6 +70,7 @@ impl Kind {
             Self::Tool => 8,
             Self::Corrupt => 9,
             Self::Busy => 10,
+            Self::Memory => 11,
             // EX_TEMPFAIL of sysexits.h: the same command, given again, goes on.
             Self::Requeue => 75,
             Self::Interrupted => 130,
@@ -124,6 +128,7 @@ impl Error {
         let kind = match source.kind() {
             std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => Kind::Space,
             std::io::ErrorKind::AlreadyExists => Kind::Exists,
+            std::io::ErrorKind::OutOfMemory => Kind::Memory,
             _ => Kind::Io,
         };
         let mut error = Self::new(kind, subject).found(&source);

@@ -49,6 +49,9 @@ pub mod effects;
 pub mod error;
 #[cfg(feature = "files")]
 pub mod formats;
+#[cfg(feature = "presets")]
+#[allow(dead_code, reason = "some features use a part of it")]
+mod inputs;
 mod interpolation;
 pub mod light;
 pub mod measure;

@@ -15,7 +15,7 @@ use graph::Graph;
 /// Rooms from the ground up; rooms on one line do not see each other.
 const HOUSE: &[&[&str]] = &[
     &["error", "setters"],
-    &["units", "interpolation", "npy"],
+    &["units", "interpolation", "npy", "inputs"],
     &["draws", "spikes", "pixel"],
     &["sensor"],
     &["effects"],
