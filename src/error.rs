@@ -185,6 +185,15 @@ impl Error {
         self
     }
 
+    /// The same error where a file, and not the command line, has the wrong value.
+    #[cfg(feature = "presets")]
+    pub(crate) const fn usage_as_config(mut self) -> Self {
+        if matches!(self.kind, Kind::Usage) {
+            self.kind = Kind::Config;
+        }
+        self
+    }
+
     /// The sort of mistake.
     #[must_use]
     pub const fn kind(&self) -> Kind {

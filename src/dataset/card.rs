@@ -1,13 +1,13 @@
 //! The papers that go with a dataset: datasheet and licence.
 
-use crate::dataset::{DatasetOptions, Entry, Split, Status, Structure, Work};
+use crate::dataset::{DatasetOptions, Entry, Status, Structure, Work};
 use crate::error::Result;
 use crate::storage;
 
 /// What a dataset holds, in numbers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Counts {
-    /// Sequences of each split.
+    /// Sequences of each split, in the order of the type's variants.
     splits: [u64; 3],
     failed: u64,
     readouts: u64,
@@ -18,10 +18,9 @@ impl Counts {
     pub(crate) fn add(&mut self, entry: &Entry) {
         match entry.status {
             Status::Done => {
-                let split = Split::ALL.iter().position(|s| s.name() == entry.split);
-                split.into_iter().for_each(|s| self.splits[s] += 1);
-                self.readouts += entry.readouts.unwrap_or(0);
-                self.bytes += entry.bytes.unwrap_or(0);
+                self.splits[entry.split as usize] += 1;
+                self.readouts = self.readouts.saturating_add(entry.readouts.unwrap_or(0));
+                self.bytes = self.bytes.saturating_add(entry.bytes.unwrap_or(0));
             }
             Status::Failed => self.failed += 1,
             Status::Planned => {}

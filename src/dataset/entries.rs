@@ -2,29 +2,34 @@
 
 use crate::dataset::from::{self, Input};
 use crate::dataset::manifest::Entry;
-use crate::dataset::{DatasetOptions, Inputs, Work};
-use crate::error::Result;
+use crate::dataset::{DatasetOptions, Drives, Inputs, Work};
+use crate::error::{Error, Kind, Result};
 use crate::formats::Layout;
+use crate::inputs::PlainName;
 use crate::light::READOUTS_PER_FRAME;
 
 /// A sequence that is not made yet.
 pub(super) fn planned(
     options: &DatasetOptions,
-    id: String,
+    id: PlainName,
     input: Option<String>,
     readouts: Option<u64>,
 ) -> Result<Entry> {
-    let seeds = options.seeds(&id);
-    let scene = matches!(options.work, Work::Drives(_)).then(|| options.seed_of_scene(&id));
+    let seeds = options.seeds(id.as_str());
+    let scene = matches!(options.work, Work::Drives(_)).then(|| options.seed_of_scene(id.as_str()));
     Ok(Entry {
         scene_seed: scene,
-        seeds: [seeds.camera, seeds.shot, seeds.sequence],
         bytes: expected_bytes(options, readouts)?,
         input,
         readouts,
-        id,
-        ..Entry::default()
+        ..Entry::new(id, [seeds.camera, seeds.shot, seeds.sequence])
     })
+}
+
+/// The scene of number `index`, not made yet.
+pub(super) fn planned_scene(options: &DatasetOptions, drives: &Drives, index: u64) -> Result<Entry> {
+    let id = PlainName::parse(Kind::Config, "id", &options.scene_id(index))?;
+    planned(options, id, None, Some(drives.readouts()))
 }
 
 /// The sequence of an input.
@@ -36,9 +41,7 @@ pub(super) fn new_input(options: &DatasetOptions, inputs: &Inputs, found: Input)
 
 pub(super) fn entries(options: &DatasetOptions) -> Result<Vec<Entry>> {
     let all: Result<Vec<Entry>> = match &options.work {
-        Work::Drives(d) => (0..u64::from(d.sequences))
-            .map(|i| planned(options, options.scene_id(i), None, Some(d.readouts())))
-            .collect(),
+        Work::Drives(d) => (0..u64::from(d.sequences)).map(|i| planned_scene(options, d, i)).collect(),
         Work::Inputs(i) => {
             let mut all = Vec::new();
             from::each(i, &options.output, &mut |found| {
@@ -49,9 +52,9 @@ pub(super) fn entries(options: &DatasetOptions) -> Result<Vec<Entry>> {
         }
     };
     let mut all = all?;
-    let ids: Vec<_> = all.iter().map(|e| e.id.clone()).collect();
+    let ids: Vec<_> = all.iter().map(|e| e.id.to_string()).collect();
     for (entry, split) in all.iter_mut().zip(options.splits(&ids)) {
-        split.name().clone_into(&mut entry.split);
+        entry.split = split;
     }
     Ok(all)
 }
@@ -60,24 +63,32 @@ pub(super) fn entries(options: &DatasetOptions) -> Result<Vec<Entry>> {
 pub(super) fn expected_bytes(options: &DatasetOptions, readouts: Option<u64>) -> Result<Option<u64>> {
     let Some(readouts) = readouts else { return Ok(None) };
     let geometry = options.camera.sensor.geometry;
-    let streams = 2 * Layout::Dat.file_bytes(geometry, readouts)?;
-    let pixels = geometry.pixels() as u64;
-    let kept = options.images.form.bytes_per_pixel();
+    let streams = u128::from(Layout::Dat.file_bytes(geometry, readouts)?) * 2;
+    let (pixels, readouts) = (geometry.pixels() as u128, u128::from(readouts));
+    let kept = u128::from(options.images.form.bytes_per_pixel());
     let rest = match &options.work {
         Work::Drives(d) => {
             let every = options.images.every.unwrap_or(u64::from(d.readouts_per_image)).max(1);
-            let images = readouts.div_ceil(every);
+            let images = readouts.div_ceil(every.into());
             // A grey PNG of a street takes about two thirds of a byte per pixel; a labelled image 9
             // bytes of maps, and twice 9 bytes of flow with its mask.
             let picture = pixels * kept * 2 / 3 + if d.npy { 4 * pixels } else { 0 };
-            let labelled = u64::from(d.images).checked_div(u64::from(d.label_every)).map_or(0, |n| n + 1);
+            let labelled = u128::from(d.images).checked_div(d.label_every.into()).map_or(0, |n| n + 1);
             // KITTI's pictures: depth and twice flow; EXR: three floats.
             let label = 27 + if d.kitti { 8 } else { 0 } + if d.exr { 12 } else { 0 };
             images * picture + labelled * label * pixels
         }
         Work::Inputs(_) => {
-            2 * pixels + options.images.every.map_or(0, |n| readouts.div_ceil(n.max(1)) * pixels * kept)
+            let every = options.images.every.map(|n| u128::from(n.max(1)));
+            2 * pixels + every.map_or(0, |n| readouts.div_ceil(n) * pixels * kept)
         }
     };
-    Ok(Some(streams + rest))
+    // Of 64-bit readouts and at most 2^28 pixels the sum has less than 128 bits.
+    let all = u64::try_from(streams + rest).map_err(|_| {
+        Error::new(Kind::Config, "dataset")
+            .found(format_args!("sequences of {} bytes", streams + rest))
+            .expected("sequences that a disk can hold")
+            .remedy("give fewer readouts or a smaller camera")
+    })?;
+    Ok(Some(all))
 }

@@ -1,11 +1,14 @@
 //! What `labels.json` of a sequence says of each labelled readout.
 
-use std::fs;
 use std::path::Path;
 
 use serde::Deserialize;
 
 use crate::error::{Error, Kind, Result};
+use crate::inputs::{Access, InnerPath, if_found, read_bytes};
+
+/// The most that the labels of a sequence may hold as JSON, in bytes.
+pub(super) const MAX_BYTES: u64 = 256 << 20;
 
 /// A labelled readout.
 #[derive(Clone, Debug, Deserialize)]
@@ -50,12 +53,9 @@ struct OnDisk {
 }
 
 /// The labelled readouts of the sequence in `folder`; none where it has no labels.
-pub(super) fn read(folder: &Path) -> Result<Vec<LabelledFrame>> {
-    let path = folder.join("labels/labels.json");
-    let text = match fs::read(&path) {
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
-        other => other.map_err(|e| Error::io(path.display(), e))?,
-    };
+pub(super) fn read(folder: &Path, access: Access) -> Result<Vec<LabelledFrame>> {
+    let path = InnerPath::from("labels/labels.json").below(folder, access)?;
+    let Some(text) = if_found(read_bytes(&path, "labels", MAX_BYTES))? else { return Ok(Vec::new()) };
     let read: OnDisk =
         serde_json::from_slice(&text).map_err(|e| Error::new(Kind::Corrupt, path.display()).found(e))?;
     Ok(read.frames)

@@ -3,12 +3,13 @@
 use std::ffi::OsStr;
 use std::fs;
 use std::os::unix::ffi::OsStrExt as _;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use crate::dataset::Inputs;
 use crate::dataset::stamp::pictures_in;
 use crate::draws::Stream;
 use crate::error::{Error, Kind, Result};
+use crate::inputs::{PlainName, read_bytes};
 use crate::light::{TIMES, picture};
 
 /// Endings of files that hold many frames.
@@ -17,12 +18,15 @@ const MOVING: [&str; 19] = [
     "mxf", "y4m", "npy", "npz",
 ];
 
+/// The most that a list of inputs may hold, in bytes.
+const MAX_LIST_BYTES: u64 = 1 << 30;
+
 /// Something that becomes a sequence.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Input {
     /// Name of the sequence: from the path, unique.
-    pub id: String,
+    pub id: PlainName,
     /// Path below the folder that was searched.
     pub path: PathBuf,
     /// Frames, when a look at the folder tells.
@@ -59,7 +63,7 @@ fn in_folder(folder: &Path, except: &Path, tell: &mut dyn FnMut(Input) -> Result
     walk(folder, except, &mut |path, what| match what {
         What::Input(frames) => {
             found += 1;
-            tell(Input { id: id(&path, &own), path, frames })
+            tell(Input { id: id(&path, &own)?, path, frames })
         }
         What::Other => {
             others += 1;
@@ -77,7 +81,9 @@ fn in_folder(folder: &Path, except: &Path, tell: &mut dyn FnMut(Input) -> Result
 
 /// The inputs that a text names, one path a line, relative to `folder`; empty lines are passed over.
 fn in_list(list: &Path, folder: &Path, tell: &mut dyn FnMut(Input) -> Result<()>) -> Result<()> {
-    let text = fs::read_to_string(list).map_err(|e| Error::io(list.display(), e))?;
+    let bytes = read_bytes(list, "a list of inputs", MAX_LIST_BYTES)?;
+    let text = str::from_utf8(&bytes)
+        .map_err(|e| Error::new(Kind::Input, list.display()).found(e).expected("one path a line"))?;
     let mut lines: Vec<(&str, usize)> =
         text.lines().zip(1..).map(|(line, n)| (line.trim_end(), n)).filter(|(l, _)| !l.is_empty()).collect();
     lines.sort_unstable();
@@ -90,7 +96,7 @@ fn in_list(list: &Path, folder: &Path, tell: &mut dyn FnMut(Input) -> Result<()>
         let found = fs::metadata(&whole)
             .map_err(|e| Error::io(format_args!("{}: line {n}: {}", list.display(), whole.display()), e))?;
         let frames = if found.is_dir() { Some(pictures_in(&whole)?.len() as u64) } else { None };
-        tell(Input { id: id(Path::new(line), "clip"), path: PathBuf::from(line), frames })?;
+        tell(Input { id: id(Path::new(line), "clip")?, path: PathBuf::from(line), frames })?;
     }
     Ok(())
 }
@@ -115,7 +121,7 @@ pub fn skipped(folder: &Path, except: &Path) -> Result<Vec<PathBuf>> {
 /// Readable and unique: the path's letters, or those of the searched folder itself, and a hash of the whole path.
 ///
 /// Where letters are left out, only the hash tells paths apart; 32 bits would give a hundred of a million names twice.
-fn id(path: &Path, own: &str) -> String {
+fn id(path: &Path, own: &str) -> Result<PlainName> {
     let text = path.to_string_lossy();
     let readable = if text.is_empty() { own } else { &*text };
     let plain: String =
@@ -123,11 +129,30 @@ fn id(path: &Path, own: &str) -> String {
     let plain = plain.trim_matches('-');
     let name = if plain.is_empty() { "clip" } else { plain };
     let hash = Stream::named(&text).id();
-    if text.is_ascii() && text.len() <= 60 {
+    let id = if text.is_ascii() && text.len() <= 60 {
         format!("{name}-{:08x}", hash as u32)
     } else {
         format!("{name}-{hash:016x}")
+    };
+    PlainName::parse(Kind::Input, path.display(), &id)
+}
+
+/// Returns the path of the input that a manifest or a plan calls `name`.
+///
+/// The paths of a list are the user's own words and may lead anywhere. Of a folder that was searched they lie below it,
+/// under any names that its files have.
+///
+/// # Errors
+/// [`Kind::Corrupt`] for a path that leaves a folder that was searched.
+pub(super) fn located(inputs: &Inputs, name: &Path) -> Result<PathBuf> {
+    let inside = || name.components().all(|part| matches!(part, Component::Normal(_)));
+    if inputs.list.is_some() || inside() {
+        return Ok(inputs.folder.join(name));
     }
+    Err(Error::new(Kind::Corrupt, name.display())
+        .found("a path that leaves the folder of inputs")
+        .expected(format_args!("an input below {}", inputs.folder.display()))
+        .remedy("plan the data set anew, or make it in another folder"))
 }
 
 /// What a path below a folder is.

@@ -7,8 +7,10 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use crate::dataset::Split;
 use crate::error::{Error, Kind, Result};
-use crate::storage::{Digest, steps};
+use crate::inputs::{Access, InnerPath, InputFile, Lines, MAX_TEXT_BYTES, PlainName};
+use crate::storage::{Digest, steps, trees};
 
 /// Its name in the dataset's folder.
 pub(super) const NAME: &str = "manifest.jsonl";
@@ -28,16 +30,16 @@ pub enum Status {
 }
 
 /// A line.
-#[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Entry {
     /// Name of the sequence and of its folder.
-    pub id: String,
-    /// `train`, `validation` or `test`.
-    pub split: String,
+    pub id: PlainName,
+    /// What the sequence is for.
+    pub split: Split,
     /// The shard that it lies in, of a dataset that was made in shards.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub shard: Option<String>,
+    pub shard: Option<PlainName>,
     /// The input below the given folder; none for scenes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub input: Option<String>,
@@ -65,23 +67,44 @@ pub struct Entry {
     pub reason: Option<String>,
 }
 
+/// The folder of sequence `id`, in the folder of its dataset or shard.
+pub(super) fn sequence_path(id: &PlainName) -> InnerPath {
+    InnerPath::from("sequences").join(id)
+}
+
 impl Entry {
-    /// The folder of the sequence in the dataset's folder; of a packed shard there is none.
-    #[must_use]
-    pub fn folder(&self, dataset: &Path) -> PathBuf {
-        let root = match &self.shard {
-            Some(shard) => dataset.join("shards").join(shard),
-            None => dataset.to_owned(),
-        };
-        root.join("sequences").join(&self.id)
+    /// A sequence for training that is planned, of which nothing else is known.
+    pub(super) const fn new(id: PlainName, seeds: [u64; 3]) -> Self {
+        Self {
+            id,
+            split: Split::Train,
+            shard: None,
+            input: None,
+            input_digest: None,
+            scene_seed: None,
+            seeds,
+            readouts: None,
+            bytes: None,
+            digest: None,
+            status: Status::Planned,
+            reason: None,
+        }
     }
 
-    /// That folder, where it is there.
+    /// The folder of the sequence, below the dataset's folder; of a packed shard there is none.
+    pub(crate) fn path(&self) -> InnerPath {
+        match &self.shard {
+            Some(shard) => InnerPath::from("shards").join(shard).join(sequence_path(&self.id)),
+            None => sequence_path(&self.id),
+        }
+    }
+
+    /// The folder of the sequence, where it is there; `access` says whether links may leave the dataset's folder.
     ///
     /// # Errors
-    /// [`Kind::Input`] for a sequence of a packed shard.
-    pub fn unpacked(&self, dataset: &Path) -> Result<PathBuf> {
-        let folder = self.folder(dataset);
+    /// [`Kind::Input`] for a sequence of a packed shard, and for a link that leaves the folder.
+    pub(crate) fn unpacked(&self, dataset: &Path, access: Access) -> Result<PathBuf> {
+        let folder = self.path().below(dataset, access)?;
         if self.shard.is_none() || folder.exists() {
             return Ok(folder);
         }
@@ -103,18 +126,29 @@ pub struct Manifest {
 }
 
 impl Manifest {
-    /// Reads the manifest of a dataset's folder.
+    /// Reads the manifest of a dataset's folder. Links may not leave the folder.
     ///
     /// # Errors
     /// [`Kind::Io`] when there is none, [`Kind::Config`] when it is none.
     pub fn read(folder: &Path) -> Result<Self> {
-        let path = folder.join(NAME);
-        let text = fs::read_to_string(&path).map_err(|e| Error::io(path.display(), e))?;
+        Self::read_below(folder, Access::Read)
+    }
+
+    /// Reads the manifest of a dataset's folder; `access` says whether it may be a link that leaves the folder.
+    ///
+    /// # Errors
+    /// As [`Manifest::read`].
+    pub(crate) fn read_below(folder: &Path, access: Access) -> Result<Self> {
+        let path = InnerPath::from(NAME).below(folder, access)?;
+        let file = InputFile::open(&path)?;
         let bad = |e: serde_json::Error| Error::new(Kind::Config, path.display()).found(e);
-        let mut lines = text.lines();
-        let head: Value = serde_json::from_str(lines.next().unwrap_or("")).map_err(bad)?;
-        let entries = lines.map(serde_json::from_str).collect::<Result<_, _>>().map_err(bad)?;
-        Ok(Self { options: head["options"].clone(), entries })
+        let mut lines = Lines::new(&file, MAX_TEXT_BYTES);
+        let mut head: Value = serde_json::from_slice(lines.next_line()?.unwrap_or_default()).map_err(bad)?;
+        let mut entries = Vec::new();
+        while let Some(line) = lines.next_line()? {
+            entries.push(serde_json::from_slice(line).map_err(bad)?);
+        }
+        Ok(Self { options: head["options"].take(), entries })
     }
 
     /// Writes it, whole or not at all.
@@ -166,7 +200,7 @@ impl Listing {
     pub(crate) fn begin(folder: &Path, options: &Value) -> Result<Self> {
         let path = folder.join(NAME);
         let hidden = folder.join(format!(".{NAME}.{}.partial", std::process::id()));
-        let file = File::create(&hidden).map_err(|e| Error::io(path.display(), e))?;
+        let file = trees::create(&hidden)?;
         let mut list = Self { file: BufWriter::new(file), hidden, path, kept: false };
         list.line(&json!({ "dataset": 1, "options": options }))?;
         Ok(list)

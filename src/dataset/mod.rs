@@ -24,6 +24,7 @@ pub mod stats;
 mod truth;
 mod views;
 
+pub use crate::inputs::{InnerPath, PlainName};
 pub use asked::{Cameras, DatasetOptions, Drives, Images, Inputs, Split, Splits, Structure, Work};
 pub use drive::Drive;
 pub use from::{Input, inputs, skipped};

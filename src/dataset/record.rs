@@ -1,23 +1,28 @@
 //! The record of a finished sequence: every file with its digest.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::dataset::stamp::digest_of_file;
 use crate::error::{Error, Kind, Result};
+use crate::inputs::{Access, InnerPath, PlainName, read_bytes};
 use crate::storage::{self, Digest};
 
 /// The record's name in the sequence's folder.
 pub(super) const NAME: &str = "record.json";
 
+/// The most that a record may hold, in bytes: that of a sequence with two million images.
+pub(super) const MAX_BYTES: u64 = 256 << 20;
+
 /// One file.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Kept {
-    /// Path below the sequence's folder, with forward slashes.
-    pub path: String,
+    /// Path below the sequence's folder.
+    pub path: InnerPath,
     /// Length.
     pub bytes: u64,
     /// `blake3:<hex>`.
@@ -29,7 +34,7 @@ pub struct Kept {
 #[non_exhaustive]
 pub struct Record {
     /// Name of the sequence.
-    pub id: String,
+    pub id: PlainName,
     /// What it is: seeds, light, readouts of images and labels.
     pub about: Value,
     /// All files but this record, in order of their paths.
@@ -38,12 +43,13 @@ pub struct Record {
 
 impl Record {
     /// Takes the digests of everything in `folder`.
-    pub(super) fn of(id: &str, about: Value, folder: &Path) -> Result<Self> {
+    pub(super) fn of(id: &PlainName, about: Value, folder: &Path) -> Result<Self> {
         let mut paths = Vec::new();
-        walk(folder, folder, &mut paths)?;
-        paths.sort();
+        walk(folder, None, &mut paths)?;
+        // As paths, so that what is in a folder comes before files whose names begin with the folder's.
+        paths.sort_by(|a, b| Path::new(a.as_str()).cmp(Path::new(b.as_str())));
         let files = paths.into_iter().map(|path| kept(folder, path)).collect::<Result<_>>()?;
-        Ok(Self { id: id.to_owned(), about, files })
+        Ok(Self { id: id.clone(), about, files })
     }
 
     /// Writes it into `folder` and returns its own digest.
@@ -58,46 +64,94 @@ impl Record {
     /// Bytes of all files.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        self.files.iter().map(|f| f.bytes).sum()
+        self.files.iter().fold(0, |sum, f| sum.saturating_add(f.bytes))
     }
 
-    /// Reads the record in `folder`, unverified.
+    /// Reads the record in `folder`, unverified. Links may not leave the folder.
     ///
     /// # Errors
     /// [`Kind::Io`] when there is none, [`Kind::Config`] when it is none.
     pub fn read(folder: &Path) -> Result<Self> {
-        let path = folder.join(NAME);
-        let text = fs::read(&path).map_err(|e| Error::io(path.display(), e))?;
-        serde_json::from_slice(&text).map_err(|e| Error::new(Kind::Config, path.display()).found(e))
+        Self::read_below(folder, Access::Read)
     }
 
-    /// Reads the record in `folder` if its digest is `digest`, and verifies every file it lists.
+    /// Reads the record in `folder`; `access` says whether it may be a link that leaves the folder.
+    ///
+    /// # Errors
+    /// As [`Record::read`].
+    pub(crate) fn read_below(folder: &Path, access: Access) -> Result<Self> {
+        let path = InnerPath::from(NAME).below(folder, access)?;
+        Self::parse(&path, &read_bytes(&path, "a record", MAX_BYTES)?)
+    }
+
+    pub(super) fn parse(path: &Path, text: &[u8]) -> Result<Self> {
+        serde_json::from_slice(text).map_err(|e| Error::new(Kind::Config, path.display()).found(e))
+    }
+
+    /// Reads the record in `folder` if its digest is `digest`, and verifies every file it lists. Links may not leave the
+    /// folder.
     ///
     /// # Errors
     /// [`Kind::Corrupt`] with the first file that is missing or changed; [`Kind::Io`].
     pub fn verify(folder: &Path, digest: &str) -> Result<Self> {
-        let path = folder.join(NAME);
-        let text = fs::read(&path).map_err(|e| Error::io(path.display(), e))?;
+        Self::verify_below(folder, digest, Access::Read, &mut || Ok(()))
+    }
+
+    /// The same, where `access` says whether links may leave the folder; an error of `stop` ends it at once.
+    ///
+    /// # Errors
+    /// As [`Record::verify`], and [`Kind::Input`] for a link that leaves the folder.
+    pub(super) fn verify_below(
+        folder: &Path,
+        digest: &str,
+        access: Access,
+        stop: &mut dyn FnMut() -> Result<()>,
+    ) -> Result<Self> {
+        let path = InnerPath::from(NAME).below(folder, access)?;
+        let text = read_bytes(&path, "a record", MAX_BYTES).map_err(damaged)?;
         let found = Digest::of(&text);
         if found != digest {
             return Err(changed(&path, &found, digest));
         }
-        let record: Self =
-            serde_json::from_slice(&text).map_err(|e| Error::new(Kind::Config, path.display()).found(e))?;
+        let record = Self::parse(&path, &text)?;
         for file in &record.files {
-            let path = folder.join(&file.path);
+            let path = file.path.below(folder, access)?;
             let bytes = fs::metadata(&path).map_err(|e| Error::io(path.display(), e))?.len();
             if bytes != file.bytes {
                 let expected = format!("{} bytes", file.bytes);
                 return Err(changed(&path, &format!("{bytes} bytes"), &expected));
             }
-            let found = digest_of(&path, bytes)?;
+            let found = digest_of_file(&path, stop).map_err(damaged)?;
             if found != file.digest {
                 return Err(changed(&path, &found, &file.digest));
             }
         }
         Ok(record)
     }
+}
+
+/// Returns `None` in place of an error that files are missing, unreadable or changed, so that they can be made again.
+///
+/// # Errors
+/// All others: a link that leaves the folder, or a request to stop.
+pub(super) fn if_intact<T>(found: Result<T>) -> Result<Option<T>> {
+    match found {
+        Ok(value) => Ok(Some(value)),
+        Err(e) if matches!(e.kind(), Kind::Corrupt | Kind::Config | Kind::Io) => Ok(None),
+        Err(e) => Err(e),
+    }
+}
+
+/// A file of a sequence that is no regular file, or ends early, is damaged and can be made again.
+fn damaged(error: Error) -> Error {
+    if error.kind() != Kind::Input {
+        return error;
+    }
+    let parts = error.parts();
+    Error::new(Kind::Corrupt, parts.subject)
+        .found(parts.found)
+        .expected(parts.expected)
+        .remedy("make it again with --resume")
 }
 
 fn changed(path: &Path, found: &str, expected: &str) -> Error {
@@ -107,28 +161,28 @@ fn changed(path: &Path, found: &str, expected: &str) -> Error {
         .remedy("make it again with --resume")
 }
 
-/// Small files are read, since mapping hundreds of pictures costs more.
-fn digest_of(path: &Path, bytes: u64) -> Result<String> {
-    if bytes > 16 << 20 {
-        return Digest::of_file(path);
-    }
-    Ok(Digest::of(&fs::read(path).map_err(|e| Error::io(path.display(), e))?))
-}
-
-fn kept(folder: &Path, path: PathBuf) -> Result<Kept> {
-    let whole = folder.join(&path);
+fn kept(folder: &Path, path: InnerPath) -> Result<Kept> {
+    let whole = path.below(folder, Access::Read)?;
     let bytes = fs::metadata(&whole).map_err(|e| Error::io(whole.display(), e))?.len();
-    let digest = digest_of(&whole, bytes)?;
-    Ok(Kept { path: path.to_string_lossy().replace('\\', "/"), bytes, digest })
+    let digest = digest_of_file(&whole, &mut || Ok(()))?;
+    Ok(Kept { path, bytes, digest })
 }
 
-fn walk(root: &Path, folder: &Path, into: &mut Vec<PathBuf>) -> Result<()> {
-    for entry in fs::read_dir(folder).map_err(|e| Error::io(folder.display(), e))? {
-        let path = entry.map_err(|e| Error::io(folder.display(), e))?.path();
-        if path.is_dir() {
-            walk(root, &path, into)?;
-        } else if let Ok(below) = path.strip_prefix(root) {
-            into.push(below.to_owned());
+/// Lists the files in `root`, or in the folder `below` it.
+fn walk(root: &Path, below: Option<&InnerPath>, into: &mut Vec<InnerPath>) -> Result<()> {
+    let folder = match below {
+        Some(below) => below.below(root, Access::Read)?,
+        None => root.to_owned(),
+    };
+    let io = |e| Error::io(folder.display(), e);
+    for entry in fs::read_dir(&folder).map_err(io)? {
+        let entry = entry.map_err(io)?;
+        let name = PlainName::parse(Kind::Input, folder.display(), &entry.file_name().to_string_lossy())?;
+        let path = below.map_or_else(|| InnerPath::from(&name), |below| below.join(&name));
+        if entry.file_type().map_err(io)?.is_dir() {
+            walk(root, Some(&path), into)?;
+        } else {
+            into.push(path);
         }
     }
     Ok(())

@@ -1,13 +1,16 @@
 //! The whole dataset: plan, make what is not done, set aside what fails.
 
-use std::fs;
+use std::path::PathBuf;
 
 use crate::dataset::entries::{entries, expected_bytes};
-use crate::dataset::manifest;
+use crate::dataset::from::located;
+use crate::dataset::manifest::{self, sequence_path};
+use crate::dataset::record::if_intact;
 use crate::dataset::stamp;
 use crate::dataset::views::{self, Views};
 use crate::dataset::{DatasetOptions, Entry, Manifest, Record, Status, Work, card, sequence};
 use crate::error::{Error, Kind, Result};
+use crate::inputs::{Access, InnerPath};
 use crate::storage::{self, trees};
 
 /// How far a dataset is.
@@ -74,18 +77,30 @@ pub fn estimate(options: &DatasetOptions) -> Result<Estimate> {
     let mut sum = Estimate::default();
     for entry in manifest.entries.iter().filter(|e| e.status != Status::Done) {
         sum.sequences += 1;
-        sum.readouts += entry.readouts.unwrap_or(0);
-        sum.bytes += expected_bytes(options, entry.readouts)?.unwrap_or(0);
+        sum.readouts = sum.readouts.saturating_add(entry.readouts.unwrap_or(0));
+        sum.bytes = sum.bytes.saturating_add(expected_bytes(options, entry.readouts)?.unwrap_or(0));
         sum.unknown += usize::from(entry.readouts.is_none());
     }
     Ok(sum)
 }
 
+/// The most scenes of a dataset that one process makes: their entries are held in memory, some hundred bytes each.
+const MAX_SEQUENCES: u64 = 1_000_000;
+
 /// The manifest as it stands, or as it will begin; new inputs are added to an old one.
 fn plan(options: &DatasetOptions) -> Result<Manifest> {
     options.check()?;
+    if let Work::Drives(drives) = &options.work
+        && u64::from(drives.sequences) > MAX_SEQUENCES
+    {
+        return Err(Error::new(Kind::Usage, "dataset")
+            .found(format_args!("{} sequences", drives.sequences))
+            .expected(format_args!("at most {MAX_SEQUENCES} that one process makes"))
+            .remedy("plan the data set in shards ('spikelane dataset plan')"));
+    }
     let facts = options.facts()?;
-    let begun = options.output.join(manifest::NAME).exists();
+    let list = InnerPath::from(manifest::NAME).below(&options.output, Access::Write)?;
+    let begun = list.symlink_metadata().is_ok();
     if begun && !options.resume {
         return Err(Error::new(Kind::Exists, options.output.display())
             .found("a dataset")
@@ -94,7 +109,7 @@ fn plan(options: &DatasetOptions) -> Result<Manifest> {
     }
     let mut entries = entries(options)?;
     if begun {
-        let old = Manifest::read(&options.output)?;
+        let old = Manifest::read_below(&options.output, options.access())?;
         old.same_options(&facts, &options.output)?;
         let mut known: std::collections::BTreeMap<_, _> =
             old.entries.into_iter().map(|e| (e.id.clone(), e)).collect();
@@ -127,8 +142,7 @@ pub fn make(options: &DatasetOptions, watch: &mut dyn FnMut(Progress<'_>) -> Res
             .expected(format_args!("about {needed}"))
             .remedy("make fewer sequences, or choose another disk"));
     }
-    let sequences = options.output.join("sequences");
-    fs::create_dir_all(&sequences).map_err(|e| Error::io(sequences.display(), e))?;
+    trees::prepare(&options.output, &InnerPath::from("sequences/any"))?;
     views::clean(&options.output)?;
     manifest.write(&options.output)?;
     views::config(options)?;
@@ -136,19 +150,22 @@ pub fn make(options: &DatasetOptions, watch: &mut dyn FnMut(Progress<'_>) -> Res
     let of = manifest.entries.len();
     for index in 0..of {
         let entry = manifest.entries[index].clone();
-        let at =
-            |readouts, total, verifying| Progress { index, of, id: &entry.id, readouts, total, verifying };
+        let id = entry.id.as_str();
+        let at = |readouts, total, verifying| Progress { index, of, id, readouts, total, verifying };
         if entry.status == Status::Done {
-            watch(at(0, entry.readouts, true))?;
-            if verified(options, &entry) && input_digest(options, &entry)? == entry.input_digest {
+            let mut stop = || watch(at(0, entry.readouts, true));
+            stop()?;
+            if verified(options, &entry, &mut stop)?
+                && input_digest(options, &entry, &mut stop)? == entry.input_digest
+            {
                 report.copied += views::place(options, &entry)?;
                 report.verified += 1;
                 continue;
             }
         }
-        views::displace(options, &entry.id);
+        views::displace(options, &entry.id)?;
         // Taken before it is read: a change meanwhile is then seen by the next --resume.
-        let read = input_digest(options, &entry);
+        let read = input_digest(options, &entry, &mut || watch(at(0, None, false)));
         let made = sequence::make(options, &entry, &mut |done, total| watch(at(done, total, false)));
         manifest.entries[index] = settle(entry, made, &mut report)?;
         manifest.entries[index].input_digest = read.unwrap_or(None);
@@ -156,8 +173,7 @@ pub fn make(options: &DatasetOptions, watch: &mut dyn FnMut(Progress<'_>) -> Res
             report.copied += views::place(options, &manifest.entries[index])?;
         } else {
             // A former attempt may have left a folder whose digests no longer hold.
-            let old = sequences.join(&manifest.entries[index].id);
-            trees::remove(&old)?;
+            trees::remove(&options.output, &sequence_path(&manifest.entries[index].id))?;
         }
         manifest.write(&options.output)?;
     }
@@ -173,19 +189,26 @@ pub fn make(options: &DatasetOptions, watch: &mut dyn FnMut(Progress<'_>) -> Res
 }
 
 /// Digest of the input as it is now; none for scenes, and for an input that is gone.
-fn input_digest(options: &DatasetOptions, entry: &Entry) -> Result<Option<String>> {
+fn input_digest(
+    options: &DatasetOptions,
+    entry: &Entry,
+    stop: &mut dyn FnMut() -> Result<()>,
+) -> Result<Option<String>> {
     let (Work::Inputs(inputs), Some(name)) = (&options.work, &entry.input) else { return Ok(None) };
-    let path = inputs.folder.join(name);
+    let path = located(inputs, &PathBuf::from(name))?;
     if !path.exists() {
         // Nothing is left to make it from, so what was made stays.
         return Ok(entry.input_digest.clone());
     }
-    stamp::digest(&path).map(Some)
+    stamp::digest(&path, stop).map(Some)
 }
 
-fn verified(options: &DatasetOptions, entry: &Entry) -> bool {
-    let folder = options.output.join("sequences").join(&entry.id);
-    entry.digest.as_deref().is_some_and(|digest| Record::verify(&folder, digest).is_ok())
+/// Whether every file of a finished sequence has its digest. A link that leaves the folder is an error, since what the
+/// user put there must not be made again unasked.
+fn verified(options: &DatasetOptions, entry: &Entry, stop: &mut dyn FnMut() -> Result<()>) -> Result<bool> {
+    let Some(digest) = entry.digest.as_deref() else { return Ok(false) };
+    let folder = sequence_path(&entry.id).below(&options.output, options.access())?;
+    if_intact(Record::verify_below(&folder, digest, options.access(), stop)).map(|record| record.is_some())
 }
 
 /// The entry after an attempt; an error that would strike the next sequence too is passed on.

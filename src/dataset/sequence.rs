@@ -6,12 +6,15 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use crate::dataset::asked::{ground_truth, scene_options};
+use crate::dataset::from::located;
 use crate::dataset::images::Keeper;
 use crate::dataset::labels;
+use crate::dataset::manifest::sequence_path;
 use crate::dataset::truth::{self, Dimmed};
 use crate::dataset::{DatasetOptions, Drive, Drives, Entry, Inputs, Record, Structure, Work};
 use crate::error::{Error, Result};
 use crate::formats::Layout;
+use crate::inputs::InnerPath;
 use crate::light::{self, Frame, Insertion, OwnedSamples, Pace, Source, Timeline};
 use crate::report::with_known;
 use crate::scene::Scene;
@@ -41,11 +44,11 @@ pub(super) fn make(
     entry: &Entry,
     watch: Watch<'_>,
 ) -> Result<(Record, String, u64)> {
-    let options = &options.of_sequence(&entry.id)?;
-    let all = options.output.join("sequences");
-    let (folder, hidden) = (all.join(&entry.id), all.join(format!(".{}.partial", entry.id)));
-    trees::remove(&hidden)?;
-    fs::create_dir_all(&hidden).map_err(|e| Error::io(hidden.display(), e))?;
+    let options = &options.of_sequence(entry.id.as_str())?;
+    let (output, draft) = (&options.output, InnerPath::from("sequences").join(entry.id.partial()));
+    trees::remove(output, &draft)?;
+    let hidden = trees::prepare(output, &draft)?;
+    fs::create_dir(&hidden).map_err(|e| Error::io(hidden.display(), e))?;
     let mut draft = Draft { hidden, kept: false };
     let (about, readouts) = match &options.work {
         Work::Drives(drives) => drive(options, drives, entry, &draft.hidden, watch)?,
@@ -54,10 +57,11 @@ pub(super) fn make(
     let record = Record::of(&entry.id, about, &draft.hidden)?;
     let digest = record.write(&draft.hidden)?;
     trees::sync_tree(&draft.hidden)?;
-    trees::remove(&folder)?;
+    trees::remove(output, &sequence_path(&entry.id))?;
+    let folder = trees::prepare(output, &sequence_path(&entry.id))?;
     steps::rename(&draft.hidden, &folder)?;
     draft.kept = true;
-    steps::sync_folder(&all)?;
+    steps::sync_folder(&output.join("sequences"))?;
     Ok((record, digest, readouts))
 }
 
@@ -70,8 +74,9 @@ fn drive(
 ) -> Result<(Value, u64)> {
     let rate = options.rate()?;
     let readouts = drives.readouts();
-    let seed = entry.scene_seed.unwrap_or_else(|| options.seed_of_scene(&entry.id));
-    let scene = Scene::random(seed, &scene_options(options, drives, options.chosen_light(&entry.id))?)?;
+    let seed = entry.scene_seed.unwrap_or_else(|| options.seed_of_scene(entry.id.as_str()));
+    let scene =
+        Scene::random(seed, &scene_options(options, drives, options.chosen_light(entry.id.as_str()))?)?;
     let mut drive = Drive::new(scene, rate, readouts, drives.white_cd_m2, drives.samples, options.threads)?;
     if options.structure == Structure::SpikeZoo {
         let by = truth::exposure(options, &drive.light(readouts / 2)?);
@@ -124,7 +129,7 @@ fn input(
     let name = entry.input.as_deref().unwrap_or_default();
     let mut how = light::InputOptions::of(&options.camera);
     (how.fit, how.transfer) = (inputs.fit, inputs.transfer);
-    let path = inputs.folder.join(name);
+    let path = located(inputs, Path::new(name))?;
     let open = || light::open(&path, &how);
     let mut source = open()?;
     let pace = Pace { readouts_per_frame: inputs.readouts_per_frame, source: None };
@@ -180,7 +185,7 @@ fn streams(
     keeper: &mut Keeper,
     watch: Watch<'_>,
 ) -> Result<Outcome> {
-    let (camera, seeds) = (truth::exposed(options), options.seeds(&entry.id));
+    let (camera, seeds) = (truth::exposed(options), options.seeds(entry.id.as_str()));
     let folder = keeper.folder.clone();
     let mut job = Run::new(camera.clone(), seeds, timeline.clone());
     job.layout = Layout::Dat;

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::inputs::InputFile;
 use crate::light::picture;
 use crate::storage::Digest;
 
@@ -30,7 +31,7 @@ pub(super) fn of(path: &Path) -> Result<Stamp> {
     }
     pictures_in(path)?.iter().try_fold(Stamp::default(), |sum, image| {
         let one = Stamp::of(&fs::metadata(image).map_err(|e| Error::io(image.display(), e))?);
-        Ok(Stamp { bytes: sum.bytes + one.bytes, time_ns: sum.time_ns.max(one.time_ns) })
+        Ok(Stamp { bytes: sum.bytes.saturating_add(one.bytes), time_ns: sum.time_ns.max(one.time_ns) })
     })
 }
 
@@ -57,18 +58,36 @@ impl Stamp {
     }
 }
 
+/// Bytes read between two looks at whether to stop.
+const STEP: usize = 1 << 20;
+
+/// Digest of a file's bytes; an error of `stop` ends it at once.
+pub(super) fn digest_of_file(path: &Path, stop: &mut dyn FnMut() -> Result<()>) -> Result<String> {
+    let file = InputFile::open(path)?;
+    let mut bytes = vec![0; usize::try_from(file.len()).map_or(STEP, |len| len.min(STEP))];
+    let (mut digest, mut at) = (Digest::new(), 0);
+    while at < file.len() {
+        stop()?;
+        let len = usize::try_from(file.len() - at).map_or(STEP, |left| left.min(STEP));
+        file.read_at(at, &mut bytes[..len])?;
+        digest.update(&bytes[..len]);
+        at += len as u64;
+    }
+    Ok(digest.text())
+}
+
 /// Digest of an input: of a file its bytes, of a folder the names and digests of its images.
 ///
 /// # Errors
 /// [`Kind::Io`] when it cannot be read.
-pub(super) fn digest(path: &Path) -> Result<String> {
+pub(super) fn digest(path: &Path, stop: &mut dyn FnMut() -> Result<()>) -> Result<String> {
     if !path.is_dir() {
-        return Digest::of_file(path);
+        return digest_of_file(path, stop);
     }
     let mut lines = Vec::new();
     for image in pictures_in(path)? {
         let name = image.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        lines.push(format!("{name} {}\n", Digest::of_file(&image)?));
+        lines.push(format!("{name} {}\n", digest_of_file(&image, stop)?));
     }
     lines.sort();
     Ok(Digest::of(lines.concat().as_bytes()))

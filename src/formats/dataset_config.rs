@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Kind, Result};
+use crate::inputs::read_bytes;
 use crate::spikes::Geometry;
 
 const NAME: &str = "config.yaml";
@@ -23,10 +24,8 @@ pub(super) fn above(stream: &Path) -> Result<Option<(Geometry, PathBuf)>> {
     let Ok(whole) = std::path::absolute(stream) else { return Ok(None) };
     for folder in whole.ancestors().skip(1).take(LEVELS) {
         let path = folder.join(NAME);
-        if !std::fs::metadata(&path).is_ok_and(|m| m.is_file() && m.len() <= MAX_BYTES) {
-            continue;
-        }
-        let Ok(text) = std::fs::read_to_string(&path) else { continue };
+        let bytes = read_bytes(&path, "a configuration", MAX_BYTES).ok();
+        let Some(text) = bytes.and_then(|bytes| String::from_utf8(bytes).ok()) else { continue };
         if let (Some(width), Some(height)) = (value(&text, "spike_w"), value(&text, "spike_h")) {
             return size(width, height, &path).map(|geometry| Some((geometry, path)));
         }

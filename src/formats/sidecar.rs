@@ -7,10 +7,8 @@ use serde::Deserialize;
 use crate::error::{Error, Kind, Result};
 use crate::formats::writer::own_sidecar;
 use crate::formats::{EVENTS, Layout};
+use crate::inputs::{MAX_TEXT_BYTES, read_bytes};
 use crate::spikes::Geometry;
-
-/// A sidecar holds a camera description, a page or two; maps lie in files of their own.
-const MAX_BYTES: u64 = 16 << 20;
 
 /// What a sidecar says of a stream; keys it lacks are `None`, others are left alone.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -34,9 +32,8 @@ struct Keys {
 /// The facts of the sidecar beside `path`, all `None` when there is no sidecar.
 pub(super) fn beside(path: &Path) -> Result<Facts> {
     for candidate in candidates(path) {
-        match std::fs::metadata(&candidate) {
-            Ok(found) if found.is_file() => return read(&candidate, found.len(), path),
-            _ => {}
+        if candidate.is_file() {
+            return read(&candidate, path);
         }
     }
     Ok(Facts::default())
@@ -56,14 +53,9 @@ pub fn candidates(path: &Path) -> Vec<PathBuf> {
     found
 }
 
-fn read(path: &Path, bytes: u64, stream: &Path) -> Result<Facts> {
-    if bytes > MAX_BYTES {
-        return Err(Error::new(Kind::Config, path.display())
-            .found(format_args!("{bytes} bytes"))
-            .expected("a sidecar, at most 16 MiB of JSON")
-            .remedy("give width, height and layout, and it is not read"));
-    }
-    let text = std::fs::read(path).map_err(|e| Error::io(path.display(), e))?;
+fn read(path: &Path, stream: &Path) -> Result<Facts> {
+    let text = read_bytes(path, "a sidecar", MAX_TEXT_BYTES)
+        .map_err(|e| e.remedy("give width, height and layout, and it is not read"))?;
     let facts = parse(&path.display().to_string(), &text, stream)?;
     Ok(Facts { path: Some(path.to_path_buf()), ..facts })
 }

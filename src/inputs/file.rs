@@ -132,6 +132,18 @@ pub(crate) fn read_text(path: &Path, what: &str) -> Result<String> {
     })
 }
 
+/// Returns `None` in place of the error that there is no such file.
+///
+/// # Errors
+/// Every other error of `read`.
+pub(crate) fn if_found<T>(read: Result<T>) -> Result<Option<T>> {
+    match read {
+        Ok(value) => Ok(Some(value)),
+        Err(e) if e.io_error().is_some_and(|e| e.kind() == io::ErrorKind::NotFound) => Ok(None),
+        Err(e) => Err(e),
+    }
+}
+
 fn regular(path: &Path, found: &Metadata) -> Result<()> {
     if found.is_file() {
         return Ok(());

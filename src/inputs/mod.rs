@@ -5,9 +5,12 @@
 //! [`zeroed`] or [`buffer`], which return an error where an allocation would abort the process.
 
 mod file;
+mod lines;
 mod memory;
 mod names;
 
-pub(crate) use file::{InputFile, MAX_TEXT_BYTES, read_bytes, read_text};
+pub(crate) use file::{InputFile, MAX_TEXT_BYTES, if_found, read_bytes, read_text};
+pub(crate) use lines::Lines;
 pub(crate) use memory::{buffer, zeroed};
-pub(crate) use names::{Access, InnerPath, PlainName};
+pub(crate) use names::Access;
+pub use names::{InnerPath, PlainName};

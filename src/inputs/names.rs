@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Kind, Result};
 
 /// The longest name that all file systems in use accept, in bytes.
@@ -14,12 +16,16 @@ const DEVICES: [&str; 6] = ["CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"];
 /// One name of a file or folder that a file from elsewhere may choose: `scene-0000`, never `..`, `a/b` or `C:`.
 ///
 /// The same names are valid on every system, so that a data set made on one can be read on another.
-#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(crate) struct PlainName(String);
+#[derive(Clone, Debug, Deserialize, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct PlainName(String);
 
 /// A path below a folder, of [`PlainName`]s with `/` between them: `train/spike/scene-0000.dat`.
-#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(crate) struct InnerPath(String);
+///
+/// It is made of texts that were checked and of words of the program itself, never of an unchecked text.
+#[derive(Clone, Debug, Deserialize, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct InnerPath(String);
 
 /// What a path below a folder is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,6 +38,13 @@ pub(crate) enum Access {
     Write,
 }
 
+impl Access {
+    /// Reading, with or without links that leave the folder.
+    pub(crate) const fn reading(follow_links: bool) -> Self {
+        if follow_links { Self::ReadThroughLinks } else { Self::Read }
+    }
+}
+
 impl PlainName {
     /// Accepts `text` as a name; `subject` is the file and key that it was read from.
     ///
@@ -41,12 +54,29 @@ impl PlainName {
         match fault(text) {
             None => Ok(Self(text.to_owned())),
             Some(fault) => Err(Error::new(kind, subject)
-                .found(format_args!("{text:?}, which {fault}"))
+                .found(format_args!("{}, which {fault}", shown(text)))
                 .expected("one plain name of a file or folder")),
         }
     }
 
-    pub(crate) fn as_str(&self) -> &str {
+    /// Returns the digits of `number`, with zeros before them up to `width` digits.
+    pub(crate) fn number(number: u64, width: usize) -> Self {
+        Self(format!("{number:0width$}"))
+    }
+
+    /// Returns the name with an ending of the program's own, such as `.dat`.
+    pub(crate) fn with(&self, ending: &'static str) -> Self {
+        Self(format!("{}{ending}", self.0))
+    }
+
+    /// Returns the hidden name of the same file or folder in the making.
+    pub(crate) fn partial(&self) -> Self {
+        Self(format!(".{}.partial", self.0))
+    }
+
+    /// Returns the name as text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
         &self.0
     }
 }
@@ -60,12 +90,19 @@ impl InnerPath {
         match text.split('/').find_map(fault) {
             None => Ok(Self(text.to_owned())),
             Some(fault) => Err(Error::new(kind, subject)
-                .found(format_args!("{text:?}, part of which {fault}"))
+                .found(format_args!("{}, part of which {fault}", shown(text)))
                 .expected("a path of plain names below the folder, such as train/scene.dat")),
         }
     }
 
-    pub(crate) fn as_str(&self) -> &str {
+    /// Returns the path of `inner` in the folder that this path names.
+    pub(crate) fn join(&self, inner: impl Into<Self>) -> Self {
+        Self(format!("{}/{}", self.0, inner.into().0))
+    }
+
+    /// Returns the path as text, with `/` between its names.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
         &self.0
     }
 
@@ -76,21 +113,84 @@ impl InnerPath {
     /// # Errors
     /// [`Kind::Input`] when a link leaves the folder, or when `access` is [`Access::Write`] and any part is a link.
     pub(crate) fn below(&self, folder: &Path, access: Access) -> Result<PathBuf> {
-        let mut path = folder.to_owned();
-        for name in self.0.split('/') {
-            path.push(name);
-            let is_link = std::fs::symlink_metadata(&path).is_ok_and(|found| found.is_symlink());
-            if is_link && !allowed(folder, &path, access) {
-                return Err(refused(&path, access));
-            }
-        }
+        let (mut path, last) = self.checked_parent(folder, access)?;
+        path.push(last);
+        check_link(folder, &path, access)?;
         Ok(path)
+    }
+
+    /// Returns the path in `folder` of something to remove, which may be a link itself: the link is removed.
+    ///
+    /// # Errors
+    /// [`Kind::Input`] when a part above the last one is a link.
+    pub(crate) fn removable_below(&self, folder: &Path) -> Result<PathBuf> {
+        let (mut path, last) = self.checked_parent(folder, Access::Write)?;
+        path.push(last);
+        Ok(path)
+    }
+
+    fn checked_parent(&self, folder: &Path, access: Access) -> Result<(PathBuf, &str)> {
+        let (above, last) = self.0.rsplit_once('/').unwrap_or(("", &self.0));
+        let mut path = folder.to_owned();
+        for name in above.split('/').filter(|name| !name.is_empty()) {
+            path.push(name);
+            check_link(folder, &path, access)?;
+        }
+        Ok((path, last))
     }
 }
 
 impl From<PlainName> for InnerPath {
     fn from(name: PlainName) -> Self {
         Self(name.0)
+    }
+}
+
+impl From<&PlainName> for InnerPath {
+    fn from(name: &PlainName) -> Self {
+        Self(name.0.clone())
+    }
+}
+
+/// Paths that are words of the program itself.
+impl From<&'static str> for InnerPath {
+    fn from(path: &'static str) -> Self {
+        debug_assert!(path.split('/').find_map(fault).is_none(), "{path}");
+        Self(path.to_owned())
+    }
+}
+
+impl TryFrom<String> for PlainName {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        match fault(&text) {
+            None => Ok(Self(text)),
+            Some(fault) => Err(format!("the name {}, which {fault},", shown(&text))),
+        }
+    }
+}
+
+impl TryFrom<String> for InnerPath {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        match text.split('/').find_map(fault) {
+            None => Ok(Self(text)),
+            Some(fault) => Err(format!("the path {}, part of which {fault},", shown(&text))),
+        }
+    }
+}
+
+impl From<PlainName> for String {
+    fn from(name: PlainName) -> Self {
+        name.0
+    }
+}
+
+impl From<InnerPath> for String {
+    fn from(path: InnerPath) -> Self {
+        path.0
     }
 }
 
@@ -106,16 +206,26 @@ impl fmt::Display for InnerPath {
     }
 }
 
+fn check_link(folder: &Path, path: &Path, access: Access) -> Result<()> {
+    let is_link = std::fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink());
+    if is_link && !allowed(folder, path, access) { Err(refused(path, access)) } else { Ok(()) }
+}
+
 fn allowed(folder: &Path, link: &Path, access: Access) -> bool {
     match access {
         Access::Write => false,
         Access::ReadThroughLinks => true,
-        Access::Read => match (folder.canonicalize(), link.canonicalize()) {
+        Access::Read => match (named(folder).canonicalize(), link.canonicalize()) {
             (Ok(folder), Ok(target)) => target.starts_with(folder),
             // A link that leads nowhere shows nothing; opening it reports that.
             _ => true,
         },
     }
+}
+
+/// The folder of the process has an empty path.
+fn named(folder: &Path) -> &Path {
+    if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
 }
 
 fn refused(link: &Path, access: Access) -> Error {
@@ -128,7 +238,16 @@ fn refused(link: &Path, access: Access) -> Error {
         _ => error
             .found("a symbolic link that leaves the folder")
             .expected("a file below the folder")
-            .remedy("allow links (--follow-links) if you trust this folder"),
+            .remedy("copy the file into the folder, or allow links that leave it if you trust the folder"),
+    }
+}
+
+/// Returns `text` in quotes and without control characters, cut where it is long.
+fn shown(text: &str) -> String {
+    const MAX_CHARS: usize = 80;
+    match text.char_indices().nth(MAX_CHARS) {
+        None => format!("{text:?}"),
+        Some((end, _)) => format!("{:?}... ({} bytes)", &text[..end], text.len()),
     }
 }
 
@@ -244,6 +363,18 @@ mod tests {
         let path = InnerPath::parse(Kind::Input, "path", "train/spike/a.dat").unwrap();
         let joined = path.below(Path::new("set"), Access::Write).unwrap();
         assert_eq!(joined, Path::new("set").join("train").join("spike").join("a.dat"));
+    }
+
+    #[test]
+    fn a_name_in_json_is_checked_when_it_is_read() {
+        let name = |text: &str| serde_json::from_str::<PlainName>(text);
+        assert_eq!(name("\"scene-0000\"").unwrap().as_str(), "scene-0000");
+        let error = name("\"../x\"").unwrap_err().to_string();
+        assert!(error.contains("\"../x\", which contains a path separator"), "{error}");
+        assert!(serde_json::from_str::<InnerPath>("\"images/000000.png\"").is_ok());
+        assert!(serde_json::from_str::<InnerPath>("\"/etc/passwd\"").is_err());
+        let long = name(&format!("\"{}\"", "x".repeat(1 << 20))).unwrap_err().to_string();
+        assert!(long.len() < 200, "{} bytes", long.len());
     }
 
     #[cfg(unix)]

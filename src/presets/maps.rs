@@ -1,14 +1,18 @@
 //! Per-pixel maps beside a camera file: `.npy` by relative path and digest.
 
 use std::borrow::Cow;
-use std::path::{Component, Path};
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use crate::effects::Maps;
 use crate::error::{Error, Kind, Result};
+use crate::inputs::{Access, InnerPath, read_bytes};
 use crate::npy;
 use crate::spikes::Geometry;
+
+/// The most that a map may hold, in bytes: 8 for each of 2^28 pixels, the most of a sensor, and a header.
+const MAX_BYTES: u64 = (8 << 28) + (1 << 16);
 
 /// One map: its file, relative to the camera file, and the digest of its bytes.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -42,14 +46,13 @@ pub(super) struct Folder<'a>(pub Option<&'a Path>);
 
 impl Files for Folder<'_> {
     fn read(&self, file: &str) -> Result<(Cow<'_, [u8]>, String)> {
-        let relative = Path::new(file);
-        let inside = relative.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
-        let (Some(folder), true) = (self.0, inside) else {
-            return Err(Error::new(Kind::Config, file)
-                .expected("a path relative to the camera file, inside its folder"));
-        };
-        let path = folder.join(relative);
-        let bytes = std::fs::read(&path).map_err(|e| Error::io(path.display(), e))?;
+        let inner = InnerPath::parse(Kind::Config, "file", file)
+            .map_err(|e| e.expected("a path relative to the camera file, inside its folder"))?;
+        let folder = self.0.ok_or_else(|| {
+            Error::new(Kind::Config, file).expected("a camera file, whose folder has its maps")
+        })?;
+        let path = inner.below(folder, Access::Read)?;
+        let bytes = read_bytes(&path, "a map", MAX_BYTES)?;
         Ok((Cow::Owned(bytes), path.display().to_string()))
     }
 }

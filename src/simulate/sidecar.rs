@@ -11,9 +11,10 @@ use crate::effects::Camera;
 use crate::effects::definition::Form;
 use crate::error::{Error, Kind, Result};
 use crate::formats::{Layout, sidecar_paths};
+use crate::inputs::{Access, InnerPath, MAX_TEXT_BYTES, PlainName, read_bytes};
 use crate::light::{Source, Transfer};
 use crate::presets;
-use crate::simulate::{ImageFacts, Written};
+use crate::simulate::{ImageFacts, ImageFile, Written};
 use crate::spikes::Geometry;
 use crate::storage;
 
@@ -46,6 +47,23 @@ impl StreamFacts {
             mean_rate: written.spikes as f64 / (geometry.pixels() as f64 * readouts.max(1) as f64),
         }
     }
+
+    /// Returns the path of the file, which lies beside its sidecar at `sidecar`.
+    ///
+    /// # Errors
+    /// [`Kind::Config`] when the sidecar names no file beside it, and [`Kind::Input`] for a link that leaves the folder,
+    /// unless `access` allows it.
+    pub(crate) fn beside(&self, sidecar: &Path, access: Access) -> Result<PathBuf> {
+        let name = PlainName::parse(Kind::Config, format_args!("{}: file", sidecar.display()), &self.file)
+            .map_err(|e| e.expected("a file beside the sidecar").remedy("name the stream itself"))?;
+        beside(sidecar, &InnerPath::from(name), access)
+    }
+}
+
+/// Returns the path of `inner` in the folder of the sidecar.
+fn beside(sidecar: &Path, inner: &InnerPath, access: Access) -> Result<PathBuf> {
+    // Of a sidecar without a folder the paths are empty, and those of its files are their names alone.
+    inner.below(sidecar.parent().unwrap_or(Path::new("")), access)
 }
 
 /// Where the light came from and how it was read.
@@ -259,7 +277,7 @@ impl Sidecar {
     /// # Errors
     /// [`Kind::Io`] when it cannot be read, [`Kind::Config`] when it is none.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read(path).map_err(|e| Error::io(path.display(), e))?;
+        let text = read_bytes(path, "a sidecar", MAX_TEXT_BYTES)?;
         serde_json::from_slice(&text).map_err(|e| {
             Error::new(Kind::Config, path.display())
                 .found(e)
@@ -275,6 +293,20 @@ impl Sidecar {
     pub fn beside(stream: &Path) -> Result<Option<(PathBuf, Self)>> {
         let found = sidecar_paths(stream).into_iter().find(|path| path.is_file());
         found.map(|path| Self::read(&path).map(|sidecar| (path, sidecar))).transpose()
+    }
+
+    /// Returns the paths and digests of the clear images that the sidecar at `path` lists, which lie in a folder beside it.
+    ///
+    /// # Errors
+    /// As [`StreamFacts::beside`].
+    pub(crate) fn images_beside(&self, path: &Path, access: Access) -> Result<Vec<(PathBuf, &str)>> {
+        let Some(images) = &self.images else { return Ok(Vec::new()) };
+        let name = |key: &str, text: &str| {
+            PlainName::parse(Kind::Config, format_args!("{}: images: {key}", path.display()), text)
+        };
+        let folder = InnerPath::from(name("folder", &images.folder)?);
+        let image = |image: &'_ ImageFile| beside(path, &folder.join(name("file", &image.file)?), access);
+        images.files.iter().map(|file| Ok((image(file)?, file.digest.as_str()))).collect()
     }
 
     /// What it says of the file called `name`: the clean twin's facts for its name, else the stream's.

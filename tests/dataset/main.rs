@@ -1,6 +1,8 @@
 //! Data sets.
 
 mod asked;
+mod hostile;
 mod make;
+mod strangers;
 mod truth;
 mod views;

@@ -251,11 +251,12 @@ fn many_clips_become_sequences_of_their_own_and_broken_ones_are_set_aside() {
     // Equal pictures, different noise.
     let streams: BTreeSet<_> = good
         .iter()
-        .map(|e| fs::read(out.join("sequences").join(&e.id).join("stream.dat")).unwrap())
+        .map(|e| fs::read(out.join("sequences").join(e.id.as_str()).join("stream.dat")).unwrap())
         .collect();
     assert_eq!(streams.len(), 18);
     for entry in &good {
-        Record::verify(&out.join("sequences").join(&entry.id), entry.digest.as_deref().unwrap()).unwrap();
+        Record::verify(&out.join("sequences").join(entry.id.as_str()), entry.digest.as_deref().unwrap())
+            .unwrap();
     }
     // Mended, it joins; nothing else is made again.
     fs::remove_file(clips.join("bad.y4m")).unwrap();
@@ -272,8 +273,8 @@ fn loaders_find_streams_upright_where_they_look() {
     clip(&clips.join("one"), 220);
     make(&options(&out, inputs(&clips))).unwrap();
     let entry = &Manifest::read(&out).unwrap().entries[0];
-    let stream = out.join(&entry.split).join("spike").join(format!("{}.dat", entry.id));
-    assert!(out.join(&entry.split).join("gt").join(format!("{}.png", entry.id)).is_file());
+    let stream = out.join(entry.split.name()).join("spike").join(format!("{}.dat", entry.id));
+    assert!(out.join(entry.split.name()).join("gt").join(format!("{}.png", entry.id)).is_file());
     // By the loaders' rule: the file's last rows are the picture's first.
     let bytes = fs::read(stream).unwrap();
     let frame = 48 * 32 / 8;

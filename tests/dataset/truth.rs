@@ -31,7 +31,7 @@ fn options(output: &Path, work: Work, structure: Structure) -> DatasetOptions {
 fn make(options: &DatasetOptions) -> PathBuf {
     dataset::make(options, &mut |_| Ok(())).unwrap();
     let entry = &Manifest::read(&options.output).unwrap().entries[0];
-    options.output.join("sequences").join(&entry.id)
+    options.output.join("sequences").join(entry.id.as_str())
 }
 
 fn inputs(folder: &Path, readouts_per_frame: u64) -> Work {

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
-use spikelane::dataset::{DatasetOptions, Manifest, Splits, Structure};
+use spikelane::dataset::{DatasetOptions, Manifest, Split, Splits, Structure};
 
 use crate::make::{drives, inputs, make, options};
 
@@ -138,7 +138,7 @@ fn labels_that_are_gone_come_back_with_the_sequence() {
     let options = scenes(dir.path());
     // Another split: what stood in the first one goes.
     let mut manifest = Manifest::read(&options.output).unwrap();
-    assert_eq!(manifest.entries[2].split, "train");
+    assert_eq!(manifest.entries[2].split, Split::Train);
     manifest.entries[2].digest = Some("blake3:0".into());
     manifest.write(&options.output).unwrap();
     fs::remove_dir_all(options.output.join("train/mot/scene-0002")).unwrap();

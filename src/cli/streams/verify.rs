@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::formats::{EVENTS, Layout, Reader};
+use crate::inputs::Access;
 use crate::simulate::{Sidecar, StreamFacts};
 use crate::{Error, Geometry, Kind, Result, storage};
 use serde_json::json;
@@ -19,12 +20,15 @@ pub(crate) struct Args {
     /// Stream files, or sidecars (.json)
     #[arg(required = true)]
     files: Vec<PathBuf>,
+    /// Read the files of a sidecar through links that leave its folder; without it they are refused
+    #[arg(long)]
+    follow_links: bool,
 }
 
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let mut failed = None;
     for path in &args.files {
-        for checked in check(path) {
+        for checked in check(path, Access::reading(args.follow_links)) {
             match checked {
                 Ok((file, facts)) => out.result(
                     &json!({"file": file.display().to_string(), "ok": true, "digest": facts.digest}),
@@ -46,15 +50,15 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
 
 type Checked = Result<(PathBuf, StreamFacts)>;
 
-fn check(path: &Path) -> Vec<Checked> {
+fn check(path: &Path, access: Access) -> Vec<Checked> {
     if path.extension().is_some_and(|e| e == "json") {
         return match Sidecar::read(path) {
             Err(e) => vec![Err(e)],
             Ok(sidecar) => {
                 let streams = [Some(&sidecar.stream), sidecar.clean.as_ref()];
-                let check = |facts: &StreamFacts| compare(&path.with_file_name(&facts.file), &sidecar, facts);
+                let check = |facts: &StreamFacts| compare(&facts.beside(path, access)?, &sidecar, facts);
                 let mut checked: Vec<Checked> = streams.into_iter().flatten().map(check).collect();
-                checked.extend(pictures(path, &sidecar).err().map(Err));
+                checked.extend(pictures(path, &sidecar, access).err().map(Err));
                 checked
             }
         };
@@ -63,15 +67,13 @@ fn check(path: &Path) -> Vec<Checked> {
 }
 
 /// Compares the clear images that the sidecar lists.
-fn pictures(path: &Path, sidecar: &Sidecar) -> Result<()> {
-    let Some(images) = &sidecar.images else { return Ok(()) };
-    for image in &images.files {
-        let file = path.with_file_name(&images.folder).join(&image.file);
+fn pictures(path: &Path, sidecar: &Sidecar, access: Access) -> Result<()> {
+    for (file, expected) in sidecar.images_beside(path, access)? {
         let digest = storage::Digest::of_file(&file)?;
-        if digest != image.digest {
+        if digest != expected {
             return Err(Error::new(Kind::Corrupt, file.display())
                 .found(digest)
-                .expected(format_args!("{}, as the sidecar says", image.digest))
+                .expected(format_args!("{expected}, as the sidecar says"))
                 .remedy("the image was changed or cut; copy or simulate it again"));
         }
     }

@@ -9,6 +9,7 @@ use super::splits::Splits;
 use super::work::{Drives, Images, Structure, Work, ground_truth};
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
+use crate::inputs::Access;
 use crate::light::Rate;
 use crate::presets;
 use crate::report::with_known;
@@ -47,6 +48,8 @@ pub struct DatasetOptions {
     pub threads: usize,
     /// Go on with a dataset that was begun.
     pub resume: bool,
+    /// Follow links that leave the dataset's folder when its files are read. Writing never follows links.
+    pub follow_links: bool,
 }
 
 crate::setters::with_methods!(DatasetOptions {
@@ -64,6 +67,7 @@ crate::setters::with_methods!(DatasetOptions {
     with_licence: licence: Option<String>,
     with_threads: threads: usize,
     with_resume: resume: bool,
+    with_follow_links: follow_links: bool,
 });
 
 impl DatasetOptions {
@@ -85,7 +89,13 @@ impl DatasetOptions {
             licence: None,
             threads: 1,
             resume: false,
+            follow_links: false,
         }
+    }
+
+    /// How files of the dataset's folder are read.
+    pub(crate) const fn access(&self) -> Access {
+        Access::reading(self.follow_links)
     }
 
     /// Refuses what makes no sense before anything is written.
@@ -101,6 +111,10 @@ impl DatasetOptions {
             return Err(Error::new(Kind::Usage, "dataset")
                 .found("nothing to make")
                 .expected("at least one sequence, image and readout"));
+        }
+        if let Work::Drives(d) = &self.work {
+            at_most("sequences", d.sequences.into(), MAX_SEQUENCES)?;
+            at_most("readouts of a sequence", d.readouts(), MAX_READOUTS)?;
         }
         self.splits.check(&self.work)?;
         self.cameras.check(&self.camera)?;
@@ -174,6 +188,22 @@ impl DatasetOptions {
         let micro = (self.camera.sensor.readout_hz * 1e6).round();
         Rate::new(micro as u64, 1_000_000)
     }
+}
+
+/// The most sequences of a dataset: their names and splits are held in memory, some hundred bytes each.
+pub(crate) const MAX_SEQUENCES: u64 = 10_000_000;
+
+/// The most readouts of a scene: their instants are held in memory, 8 bytes each.
+const MAX_READOUTS: u64 = 1 << 26;
+
+fn at_most(what: &str, found: u64, most: u64) -> Result<()> {
+    if found <= most {
+        return Ok(());
+    }
+    Err(Error::new(Kind::Usage, "dataset")
+        .found(format_args!("{found} {what}"))
+        .expected(format_args!("at most {most}"))
+        .remedy("make several data sets"))
 }
 
 /// One light is said by its name, several as a list.

@@ -1,10 +1,13 @@
 //! Which sequences are for training, for validation and for testing.
 
+use serde::{Deserialize, Serialize};
+
 use super::work::Work;
 use crate::error::{Error, Kind, Result};
 
 /// What a sequence is for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Split {
     /// To train with.

@@ -7,6 +7,7 @@ use toml::{Table, Value};
 use crate::dataset::{Cameras, DatasetOptions};
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
+use crate::inputs::{Access, InnerPath, read_text};
 use crate::presets::{self, Distribution};
 use crate::units::Unit;
 
@@ -14,14 +15,14 @@ use crate::units::Unit;
 const DISTRIBUTION: &str = "distribution";
 
 /// The first camera and which cameras take sequences.
-pub(super) fn read(value: &Value, folder: &Path) -> Result<(Camera, Cameras)> {
+pub(super) fn read(value: &Value, folder: &Path, access: Access) -> Result<(Camera, Cameras)> {
     match value {
         Value::Array(all) => {
-            let several = all.iter().map(|v| single(v, folder)).collect::<Result<Vec<_>>>()?;
+            let several = all.iter().map(|v| single(v, folder, access)).collect::<Result<Vec<_>>>()?;
             let first = several.first().cloned().ok_or_else(|| wrong("an empty list"))?;
             Ok((first, Cameras::Several(several)))
         }
-        other => match one(other, folder)? {
+        other => match one(other, folder, access)? {
             Read::Camera(camera) => Ok((*camera, Cameras::One)),
             Read::Drawn(drawn) => Ok((drawn.draw(0)?, Cameras::Drawn(drawn))),
         },
@@ -40,17 +41,17 @@ fn wrong(found: &str) -> Error {
     )
 }
 
-fn single(value: &Value, folder: &Path) -> Result<Camera> {
-    match one(value, folder)? {
+fn single(value: &Value, folder: &Path, access: Access) -> Result<Camera> {
+    match one(value, folder, access)? {
         Read::Camera(camera) => Ok(*camera),
         Read::Drawn(_) => Err(wrong("ranges in one of several cameras")),
     }
 }
 
-fn one(value: &Value, folder: &Path) -> Result<Read> {
+fn one(value: &Value, folder: &Path, access: Access) -> Result<Read> {
     match value {
         Value::String(name) => {
-            let (table, at) = named(name, folder)?;
+            let (table, at) = named(name, folder, access)?;
             of_table(&table, &at).map_err(|e| e.within(name))
         }
         Value::Table(table) => {
@@ -60,7 +61,7 @@ fn one(value: &Value, folder: &Path) -> Result<Read> {
                 (Some(Value::String(name)), None) | (None, Some(Value::String(name))) => name,
                 _ => return Err(wrong("`preset` and `file` together, or one that is no text")),
             };
-            let (mut whole, at) = named(&base, folder)?;
+            let (mut whole, at) = named(&base, folder, access)?;
             merge(&mut whole, table);
             of_table(&whole, &at)
         }
@@ -69,14 +70,16 @@ fn one(value: &Value, folder: &Path) -> Result<Read> {
 }
 
 /// The text of a preset or camera file as a table, and the folder of its maps.
-fn named(name: &str, folder: &Path) -> Result<(Table, std::path::PathBuf)> {
+fn named(name: &str, folder: &Path, access: Access) -> Result<(Table, std::path::PathBuf)> {
     let (text, at) = if name == DISTRIBUTION {
         (Distribution::default().text().to_owned(), folder.to_owned())
     } else if let Some(preset) = presets::ALL.iter().find(|p| p.name == name) {
         (preset.text.to_owned(), folder.to_owned())
     } else if name.ends_with(".toml") {
-        let path = folder.join(name);
-        let text = std::fs::read_to_string(&path).map_err(|e| Error::io(path.display(), e))?;
+        let path = InnerPath::parse(Kind::Config, "camera", name)
+            .map_err(|e| e.remedy("copy the camera file to the folder of dataset.toml, or below it"))?
+            .below(folder, access)?;
+        let text = read_text(&path, "a camera file")?;
         (text, path.parent().unwrap_or(Path::new("")).to_owned())
     } else {
         presets::builtin(name)?;

@@ -9,6 +9,7 @@ use super::camera;
 use super::tables::{ImagesTable, InputsTable, ScenesTable, SplitsTable, said};
 use crate::dataset::{DatasetOptions, Drives, Images, Splits, Structure, Work};
 use crate::error::{Error, Kind, Result};
+use crate::inputs::Access;
 
 /// The version of the text that this program writes and reads.
 const VERSION: i64 = 1;
@@ -151,7 +152,7 @@ impl File {
         })
     }
 
-    pub(super) fn options(self, folder: &Path) -> Result<DatasetOptions> {
+    pub(super) fn options(self, folder: &Path, access: Access) -> Result<DatasetOptions> {
         if self.dataset != VERSION {
             return Err(Error::new(Kind::Config, "dataset")
                 .found(format_args!("version {} of the text", self.dataset))
@@ -168,7 +169,7 @@ impl File {
                     .expected("one of them"));
             }
         };
-        let (camera, cameras) = camera::read(&self.camera, folder)?;
+        let (camera, cameras) = camera::read(&self.camera, folder, access)?;
         let SplitsTable { validation, test, by_light } = self.splits;
         Ok(DatasetOptions {
             cameras,

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Kind, Result};
+use crate::inputs::{Access, read_text};
 
 /// A dataset as text.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,26 +35,35 @@ pub fn write(options: &DatasetOptions) -> Result<Written> {
 }
 
 /// DatasetOptions from the text of a `dataset.toml`; paths in it are relative to `folder`. The output is empty, the threads are
-/// one, and nothing is resumed.
+/// one, and nothing is resumed. The camera files that it names lie below `folder`.
 ///
 /// # Errors
 /// [`Kind::Config`] for a text of another version, a key that there is not, or a value that makes no sense.
 pub fn parse(text: &str, folder: &Path) -> Result<DatasetOptions> {
+    parse_with(text, folder, false)
+}
+
+/// The same; with `follow_links` links to camera files may leave the folder.
+///
+/// # Errors
+/// As [`parse`].
+pub fn parse_with(text: &str, folder: &Path, follow_links: bool) -> Result<DatasetOptions> {
     let table: toml::Table = toml::from_str(text)
         .map_err(|e| Error::new(Kind::Config, "dataset.toml").found(e.to_string().trim_end()))?;
     file::check_keys(&table)?;
     let file: file::File = table.try_into().map_err(|e: toml::de::Error| {
         Error::new(Kind::Config, "dataset.toml").found(e.to_string().trim_end())
     })?;
-    file.options(folder)
+    let access = Access::reading(follow_links);
+    file.options(folder, access).map(|options| DatasetOptions { follow_links, ..options })
 }
 
 /// DatasetOptions from a `dataset.toml`.
 ///
 /// # Errors
 /// As [`parse`]; [`Kind::Io`] when it cannot be read.
-pub fn read(path: &Path) -> Result<DatasetOptions> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path.display(), e))?;
+pub fn read(path: &Path, follow_links: bool) -> Result<DatasetOptions> {
+    let text = read_text(path, "a dataset.toml")?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    parse(&text, folder).map_err(|e| e.within(path.display()))
+    parse_with(&text, folder, follow_links).map_err(|e| e.within(path.display()))
 }

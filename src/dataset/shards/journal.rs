@@ -1,17 +1,19 @@
 //! What a shard knows of its sequences: a line for each that is settled, and a manifest when all are.
 
-use std::fs::{self, OpenOptions};
-use std::io::{BufRead as _, BufReader, Write as _};
+use std::fs::OpenOptions;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::lock::open_own;
 use super::packed::Packed;
 use crate::dataset::manifest;
 use crate::dataset::record::{self, Record};
 use crate::dataset::stamp::{self, Stamp};
 use crate::dataset::{Entry, Status};
 use crate::error::{Error, Kind, Result};
+use crate::inputs::{Access, InnerPath, InputFile, Lines, MAX_TEXT_BYTES, if_found, read_bytes};
 use crate::storage::{self, Digest, steps, trees};
 
 /// Its name in the shard's folder while sequences are missing.
@@ -47,50 +49,61 @@ impl Line {
         let record = Record::read(folder)?;
         let mut times_ns = vec![stamp::at(&folder.join(record::NAME))?.time_ns];
         for file in &record.files {
-            times_ns.push(stamp::at(&folder.join(&file.path))?.time_ns);
+            times_ns.push(stamp::at(&file.path.below(folder, Access::Read)?)?.time_ns);
         }
         Ok(Self { entry, seconds, times_ns })
     }
 
     /// Whether every file of the sequence in `folder` is there with its size and time; the record alone is read.
-    pub(crate) fn holds(&self, folder: &Path) -> bool {
-        let read = || -> Option<bool> {
-            let text = fs::read(folder.join(record::NAME)).ok()?;
-            if Some(Digest::of(&text)) != self.entry.digest {
-                return None;
+    ///
+    /// # Errors
+    /// [`Kind::Input`] for a link that leaves the folder, unless `access` allows it.
+    pub(crate) fn holds(&self, folder: &Path, access: Access) -> Result<bool> {
+        let path = InnerPath::from(record::NAME).below(folder, access)?;
+        let Ok(text) = read_bytes(&path, "a record", record::MAX_BYTES) else { return Ok(false) };
+        if Some(Digest::of(&text)) != self.entry.digest {
+            return Ok(false);
+        }
+        let Ok(record) = Record::parse(&path, &text) else { return Ok(false) };
+        let is_recorded = stamp::at(&path).is_ok_and(|found| Some(&found.time_ns) == self.times_ns.first());
+        if !is_recorded || self.times_ns.len() != record.files.len() + 1 {
+            return Ok(false);
+        }
+        for (file, &time_ns) in record.files.iter().zip(&self.times_ns[1..]) {
+            let found = stamp::at(&file.path.below(folder, access)?);
+            if !found.is_ok_and(|s| s == Stamp { bytes: file.bytes, time_ns }) {
+                return Ok(false);
             }
-            let record: Record = serde_json::from_slice(&text).ok()?;
-            if self.times_ns.len() != record.files.len() + 1 {
-                return None;
-            }
-            if stamp::at(&folder.join(record::NAME)).ok()?.time_ns != self.times_ns[0] {
-                return None;
-            }
-            Some(record.files.iter().zip(&self.times_ns[1..]).all(|(file, &time_ns)| {
-                stamp::at(&folder.join(&file.path)).is_ok_and(|s| s == Stamp { bytes: file.bytes, time_ns })
-            }))
-        };
-        read().unwrap_or(false)
+        }
+        Ok(true)
     }
 }
 
 /// The journal of a shard's folder.
 pub(super) struct Journal {
+    folder: PathBuf,
     path: PathBuf,
 }
 
 impl Journal {
-    pub(crate) fn of(folder: &Path) -> Self {
-        Self { path: folder.join(NAME) }
+    /// The journal in `folder`, which is read as `access` allows.
+    pub(crate) fn of(folder: &Path, access: Access) -> Result<Self> {
+        Ok(Self { folder: folder.to_owned(), path: InnerPath::from(NAME).below(folder, access)? })
     }
 
     /// Its lines; one that a kill cut short is none, and ends it.
     pub(crate) fn read(&self) -> Result<Vec<Line>> {
-        match fs::read(&self.path) {
-            Ok(bytes) => Ok(whole_lines(&bytes)),
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(Vec::new()),
-            Err(e) => Err(Error::io(self.path.display(), e)),
+        let Some(file) = if_found(InputFile::open(&self.path))? else { return Ok(Vec::new()) };
+        let mut lines = Lines::new(&file, MAX_TEXT_BYTES);
+        let mut all = Vec::new();
+        while let Some(line) = lines.next_line()?.and_then(|line| line.strip_suffix(b"\n")) {
+            if line.is_empty() {
+                continue;
+            }
+            let Ok(line) = serde_json::from_slice(line) else { break };
+            all.push(line);
         }
+        Ok(all)
     }
 
     /// Begins it anew with `lines`.
@@ -102,28 +115,22 @@ impl Journal {
         storage::write_small(&self.path, text.as_bytes(), true)
     }
 
-    /// Adds a line and brings it to the disk.
+    /// Adds a line and brings it to the disk. The journal was begun before, so that it is a file of this program.
     pub(crate) fn add(&self, line: &Line) -> Result<()> {
         let io = |e| Error::io(self.path.display(), e);
-        let mut file = OpenOptions::new().append(true).open(&self.path).map_err(io)?;
+        let mut file = open_own(OpenOptions::new().append(true), &self.path)?;
         file.write_all(json(line, &self.path)?.as_bytes()).map_err(io)?;
         steps::sync_file(&file, &self.path)
     }
 
     pub(crate) fn remove(&self) -> Result<()> {
-        trees::remove(&self.path)
+        trees::remove(&self.folder, &InnerPath::from(NAME))
     }
 }
 
 fn json(line: &impl Serialize, path: &Path) -> Result<String> {
     let text = serde_json::to_string(line).map_err(|e| Error::new(Kind::Config, path.display()).found(e))?;
     Ok(text + "\n")
-}
-
-fn whole_lines(bytes: &[u8]) -> Vec<Line> {
-    let whole = bytes.iter().rposition(|&b| b == b'\n').map_or(0, |at| at + 1);
-    let lines = bytes[..whole].split(|&b| b == b'\n').filter(|l| !l.is_empty());
-    lines.map_while(|line| serde_json::from_slice(line).ok()).collect()
 }
 
 /// Writes the manifest of a shard that is done.
@@ -137,41 +144,54 @@ pub(super) fn write_manifest(folder: &Path, head: &Head, lines: &[Line]) -> Resu
 }
 
 /// The head of the manifest of a shard, if it is done.
-pub(super) fn read_head(folder: &Path) -> Result<Option<Head>> {
-    let path = folder.join(manifest::NAME);
-    let file = match fs::File::open(&path) {
-        Ok(file) => file,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(e) => return Err(Error::io(path.display(), e)),
-    };
-    let mut line = String::new();
-    BufReader::new(file).read_line(&mut line).map_err(|e| Error::io(path.display(), e))?;
-    serde_json::from_str(&line).map(Some).map_err(|e| Error::new(Kind::Corrupt, path.display()).found(e))
+pub(super) fn read_head(folder: &Path, access: Access) -> Result<Option<Head>> {
+    let path = InnerPath::from(manifest::NAME).below(folder, access)?;
+    let Some(file) = if_found(InputFile::open(&path))? else { return Ok(None) };
+    head(&mut Lines::new(&file, MAX_TEXT_BYTES), &path).map(Some)
 }
 
-/// The manifest of a shard, if it is done.
-pub(super) fn read_manifest(folder: &Path) -> Result<Option<(Head, Vec<Line>)>> {
-    let Some(head) = read_head(folder)? else { return Ok(None) };
-    let path = folder.join(manifest::NAME);
-    let text = fs::read_to_string(&path).map_err(|e| Error::io(path.display(), e))?;
-    let lines: Vec<Line> = text
-        .lines()
-        .skip(1)
-        .map(serde_json::from_str)
-        .collect::<Result<_, _>>()
-        .map_err(|e| Error::new(Kind::Corrupt, path.display()).found(e))?;
-    if lines.len() as u64 != head.sequences {
-        return Err(Error::new(Kind::Corrupt, path.display())
-            .found(format_args!("{} sequences", lines.len()))
-            .expected(head.sequences)
-            .remedy("remove it and run the shard again"));
+fn head(lines: &mut Lines<'_>, path: &Path) -> Result<Head> {
+    serde_json::from_slice(lines.next_line()?.unwrap_or_default())
+        .map_err(|e| Error::new(Kind::Corrupt, path.display()).found(e))
+}
+
+/// The manifest of a shard of `sequences`, if it is done.
+pub(super) fn read_manifest(
+    folder: &Path,
+    sequences: u64,
+    access: Access,
+) -> Result<Option<(Head, Vec<Line>)>> {
+    let path = InnerPath::from(manifest::NAME).below(folder, access)?;
+    let Some(file) = if_found(InputFile::open(&path))? else { return Ok(None) };
+    let mut text = Lines::new(&file, MAX_TEXT_BYTES);
+    let head = head(&mut text, &path)?;
+    let other = |found: u64| {
+        Err(Error::new(Kind::Corrupt, path.display())
+            .found(format_args!("{found} sequences"))
+            .expected(format_args!("{sequences}, as the plan has"))
+            .remedy("remove it and run the shard again"))
+    };
+    if head.sequences != sequences {
+        return other(head.sequences);
+    }
+    let mut lines = Vec::new();
+    while let Some(line) = text.next_line()? {
+        let line: Line =
+            serde_json::from_slice(line).map_err(|e| Error::new(Kind::Corrupt, path.display()).found(e))?;
+        lines.push(line);
+        if lines.len() as u64 > sequences {
+            break;
+        }
+    }
+    if lines.len() as u64 != sequences {
+        return other(lines.len() as u64);
     }
     Ok(Some((head, lines)))
 }
 
 /// Takes the manifest away before sequences are made again.
 pub(super) fn withdraw_manifest(folder: &Path) -> Result<()> {
-    trees::remove(&folder.join(manifest::NAME))?;
+    trees::remove(folder, &InnerPath::from(manifest::NAME))?;
     steps::sync_folder(folder)
 }
 

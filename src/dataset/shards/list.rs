@@ -1,7 +1,6 @@
 //! The inputs of a plan: a sorted list that is written once, and of which each shard reads its part.
 
-use std::fs::File;
-use std::io::{BufWriter, Read as _, Seek as _, SeekFrom, Write as _};
+use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -11,7 +10,8 @@ use crate::dataset::stamp::{self, Stamp};
 use crate::dataset::{DatasetOptions, Inputs};
 use crate::draws::Stream;
 use crate::error::{Error, Kind, Result};
-use crate::storage::{Digest, steps};
+use crate::inputs::{Access, InnerPath, InputFile, PlainName, zeroed};
+use crate::storage::{Digest, steps, trees};
 
 /// Its name in the folder of the plan.
 const LIST: &str = "inputs.jsonl";
@@ -27,7 +27,7 @@ pub(super) struct Piece {
 /// An input as it was when the plan was made: a line of the list.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub(super) struct Frozen {
-    pub(super) id: String,
+    pub(super) id: PlainName,
     pub(super) path: PathBuf,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) frames: Option<u64>,
@@ -35,9 +35,37 @@ pub(super) struct Frozen {
     pub(super) time_ns: i64,
 }
 
-/// The inputs of shard `number`, from the list in `folder`.
-pub(super) fn frozen(folder: &Path, pieces: &[Piece], number: u64) -> Result<Vec<Frozen>> {
-    let path = folder.join(LIST);
+/// The most that a shard's part of the list may hold, in bytes.
+const MAX_PIECE_BYTES: u64 = 1 << 30;
+
+/// Refuses parts that do not follow one another, or of which there is not one for each shard.
+pub(super) fn check(pieces: &[Piece], shards: u64) -> Result<()> {
+    let wrong = |found: &dyn std::fmt::Display| {
+        Err(Error::new(Kind::Config, "pieces").found(found).expected("one part of the list for each shard"))
+    };
+    if pieces.len() as u64 != shards {
+        return wrong(&format_args!("{} parts for {shards} shards", pieces.len()));
+    }
+    let mut end = 0u64;
+    for (number, piece) in pieces.iter().enumerate() {
+        if piece.offset != end || piece.bytes > MAX_PIECE_BYTES {
+            return wrong(&format_args!("{} bytes from {} on for shard {number}", piece.bytes, piece.offset));
+        }
+        // Below 2^30 times the number of parts, which are in memory.
+        end += piece.bytes;
+    }
+    Ok(())
+}
+
+/// The `sequences` inputs of shard `number`, from the list in `folder`.
+pub(super) fn frozen(
+    folder: &Path,
+    pieces: &[Piece],
+    number: u64,
+    sequences: u64,
+    access: Access,
+) -> Result<Vec<Frozen>> {
+    let path = InnerPath::from(LIST).below(folder, access)?;
     let bad = |found: &dyn std::fmt::Display| {
         Error::new(Kind::Corrupt, path.display())
             .found(found)
@@ -46,16 +74,23 @@ pub(super) fn frozen(folder: &Path, pieces: &[Piece], number: u64) -> Result<Vec
     };
     let piece = usize::try_from(number).ok().and_then(|n| pieces.get(n));
     let piece = piece.ok_or_else(|| bad(&format_args!("no part for shard {number}")))?;
-    let mut file = File::open(&path).map_err(|e| Error::io(path.display(), e))?;
-    let mut text = Vec::new();
-    let read = file.seek(SeekFrom::Start(piece.offset));
-    read.and_then(|_| file.take(piece.bytes).read_to_end(&mut text))
-        .map_err(|e| Error::io(path.display(), e))?;
+    let file = InputFile::open(&path)?;
+    let end = piece.offset.checked_add(piece.bytes).filter(|&end| end <= file.len());
+    let len = end.and_then(|_| usize::try_from(piece.bytes).ok());
+    let len = len.ok_or_else(|| bad(&format_args!("{} bytes", file.len())))?;
+    let mut text = zeroed(path.display(), len)?;
+    file.read_at(piece.offset, &mut text)?;
     if Digest::of(&text) != piece.digest {
         return Err(bad(&format_args!("another digest in the part of shard {number}")));
     }
-    let lines = text.split(|&b| b == b'\n').filter(|l| !l.is_empty());
-    lines.map(|line| serde_json::from_slice(line).map_err(|e| bad(&e))).collect()
+    let mut all = Vec::new();
+    for line in text.split(|&b| b == b'\n').filter(|l| !l.is_empty()) {
+        all.push(serde_json::from_slice(line).map_err(|e| bad(&e))?);
+    }
+    if all.len() as u64 != sequences {
+        return Err(bad(&format_args!("{} inputs in the part of shard {number}", all.len())));
+    }
+    Ok(all)
 }
 
 /// Writes the list of inputs, sorted, and says how many there are and where each shard's part lies.
@@ -64,14 +99,14 @@ pub(super) fn freeze(options: &DatasetOptions, inputs: &Inputs, per_shard: u64) 
     let hidden = options.output.join(format!(".{LIST}.{}.partial", std::process::id()));
     let io = |e| Error::io(path.display(), e);
     let _draft = Draft(&hidden);
-    let mut file = BufWriter::new(File::create(&hidden).map_err(io)?);
+    let mut file = BufWriter::new(trees::create(&hidden)?);
     let mut pieces: Vec<Piece> = Vec::new();
     let (mut count, mut at) = (0u64, 0u64);
     let mut digest = Digest::new();
     let mut names = Vec::new();
     from::each(inputs, &options.output, &mut |found| {
-        let Stamp { bytes, time_ns } = stamp::of(&inputs.folder.join(&found.path))?;
-        names.push(Stream::named(&found.id).id());
+        let Stamp { bytes, time_ns } = stamp::of(&from::located(inputs, &found.path)?)?;
+        names.push(Stream::named(found.id.as_str()).id());
         // As text the path is what the manifest and the record will hold.
         let path = PathBuf::from(found.path.to_string_lossy().into_owned());
         let line = Frozen { id: found.id, path, frames: found.frames, bytes, time_ns };
@@ -84,6 +119,11 @@ pub(super) fn freeze(options: &DatasetOptions, inputs: &Inputs, per_shard: u64) 
         digest.update(&line);
         if let Some(piece) = pieces.last_mut() {
             piece.bytes += line.len() as u64;
+            if piece.bytes > MAX_PIECE_BYTES {
+                return Err(Error::new(Kind::Usage, "--per-shard")
+                    .found(format_args!("more than {MAX_PIECE_BYTES} bytes of names in one shard"))
+                    .expected("fewer sequences of a shard"));
+            }
         }
         at += line.len() as u64;
         count += 1;

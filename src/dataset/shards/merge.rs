@@ -6,7 +6,7 @@ use super::journal;
 use super::lock::{self, Lock};
 use super::numbers;
 use super::plan::Plan;
-use crate::dataset::manifest::{self, DigestOf};
+use crate::dataset::manifest::{self, DigestOf, sequence_path};
 use crate::dataset::views::{self, Views};
 use crate::dataset::{Entry, Record, Status, card};
 use crate::error::{Error, Kind, Result};
@@ -45,7 +45,7 @@ pub fn merge(plan: &Plan, how: &Merging, watch: &mut dyn FnMut(u64, u64) -> Resu
     // One at a time: the next one removes what a killed one left.
     let _lock = how.lock.then(|| Lock::take(&lock::place(&plan.folder))).transpose()?;
     views::clean(&plan.folder)?;
-    let missing = missing(plan)?;
+    let missing = missing(plan, watch)?;
     if !missing.is_empty() {
         return Err(Error::new(Kind::Input, plan.folder.display())
             .found(format_args!("{} of {} shards missing", missing.len(), plan.shards()))
@@ -59,16 +59,17 @@ pub fn merge(plan: &Plan, how: &Merging, watch: &mut dyn FnMut(u64, u64) -> Resu
     let mut list = manifest::Listing::begin(&plan.folder, &plan.options.facts()?)?;
     for number in 0..plan.shards() {
         watch(number, plan.shards())?;
-        for entry in verified(plan, number, how)? {
+        for entry in verified(plan, number, how, &mut || watch(number, plan.shards()))? {
             digest.add(&entry);
             counts.add(&entry);
             match entry.status {
                 Status::Done => merged.sequences += 1,
                 _ => {
-                    let name = entry.input.clone().unwrap_or_else(|| entry.id.clone());
+                    let name = entry.input.clone().unwrap_or_else(|| entry.id.to_string());
                     merged.set_aside.push((name, entry.reason.clone().unwrap_or_default()));
                 }
             }
+            watch(number, plan.shards())?;
             if how.links && !plan.pack && entry.status == Status::Done {
                 merged.copied += views::place(&plan.options, &entry)?;
                 merged.copied += views.add(&plan.options, &entry)?;
@@ -86,20 +87,34 @@ pub fn merge(plan: &Plan, how: &Merging, watch: &mut dyn FnMut(u64, u64) -> Resu
     Ok(merged)
 }
 
-fn missing(plan: &Plan) -> Result<Vec<u64>> {
+fn missing(plan: &Plan, watch: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<Vec<u64>> {
+    let access = plan.options.access();
     let mut all = Vec::new();
     for number in 0..plan.shards() {
-        if journal::read_head(&plan.shard_folder(number))?.is_none() {
+        watch(0, plan.shards())?;
+        if journal::read_head(&plan.shard_folder(number, access)?, access)?.is_none() {
             all.push(number);
         }
     }
     Ok(all)
 }
 
-/// The sequences of a shard that is as it was left.
-fn verified(plan: &Plan, number: u64, how: &Merging) -> Result<Vec<Entry>> {
-    let folder = plan.shard_folder(number);
-    let again = |e: Error| e.remedy(format_args!("run the shard again: --shard {number} --verify"));
+/// The sequences of a shard that is as it was left; an error of `stop` ends it at once.
+fn verified(
+    plan: &Plan,
+    number: u64,
+    how: &Merging,
+    stop: &mut dyn FnMut() -> Result<()>,
+) -> Result<Vec<Entry>> {
+    let access = plan.options.access();
+    let folder = plan.shard_folder(number, access)?;
+    // Other errors, such as a request to stop, have a remedy of their own.
+    let again = |e: Error| match e.kind() {
+        Kind::Corrupt | Kind::Config | Kind::Io => {
+            e.remedy(format_args!("run the shard again: --shard {number} --verify"))
+        }
+        _ => e,
+    };
     let damaged = |place: PathBuf| {
         again(
             Error::new(Kind::Corrupt, place.display())
@@ -107,25 +122,26 @@ fn verified(plan: &Plan, number: u64, how: &Merging) -> Result<Vec<Entry>> {
                 .expected("what the shard's manifest lists"),
         )
     };
-    let read = journal::read_manifest(&folder)?;
+    let read = journal::read_manifest(&folder, plan.sequences_of(number), access)?;
     let (head, lines) = read.ok_or_else(|| damaged(folder.clone()))?;
     if let Some(packed) = &head.pack {
-        let path = plan.shard_pack(number);
-        if !packed.holds(&path, !how.quick) {
+        let path = plan.shard_pack(number, access)?;
+        if !packed.holds(&path, !how.quick, stop)? {
             return Err(damaged(path));
         }
     }
     let mut entries = Vec::with_capacity(lines.len());
     for line in lines {
-        let place = folder.join("sequences").join(&line.entry.id);
+        stop()?;
         if head.pack.is_none() && line.entry.status == Status::Done {
+            let place = sequence_path(&line.entry.id).below(&folder, access)?;
             if how.quick {
-                if !line.holds(&place) {
+                if !line.holds(&place, access)? {
                     return Err(damaged(place));
                 }
             } else {
                 let digest = line.entry.digest.as_deref().unwrap_or_default();
-                Record::verify(&place, digest).map_err(again)?;
+                Record::verify_below(&place, digest, access, stop).map_err(again)?;
             }
         }
         entries.push(Entry { shard: Some(plan.shard_name(number)), ..line.entry });

@@ -3,7 +3,6 @@
 //! The members of a sequence follow one another; their names are the sequence's, a dot, and what the file is. Members are
 //! sorted, their times are zero and their owner is nobody, so that the tar's digest follows from the sequences.
 
-use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
@@ -12,14 +11,16 @@ use serde_json::Value;
 use super::journal::Line;
 use super::packed::Packed;
 use crate::dataset::Status;
+use crate::dataset::manifest::sequence_path;
 use crate::dataset::record::{self, Record};
 use crate::dataset::stamp::{self, Stamp};
 use crate::error::{Error, Kind, Result};
+use crate::inputs::{Access, InnerPath, InputFile, PlainName, read_bytes};
 use crate::storage::{Digest, Writer};
 
 /// The name of a sequence's file in the tar: all before the first dot is the sequence.
-pub(super) fn member(id: &str, path: &str) -> String {
-    let what = match path {
+pub(super) fn member(id: &PlainName, path: &InnerPath) -> String {
+    let what = match path.as_str() {
         record::NAME => "json".to_owned(),
         "stream.dat" => "spk.dat".to_owned(),
         "stream.clean.dat" => "clean.dat".to_owned(),
@@ -47,9 +48,8 @@ enum From {
 impl Member {
     /// The file at `path`; of JSON with `seeds` what stands for it.
     fn of(name: String, path: PathBuf, seeds: bool) -> Result<Self> {
-        let io = |e| Error::io(path.display(), e);
         if seeds {
-            let text = fs::read(&path).map_err(io)?;
+            let text = read_bytes(&path, "a record or sidecar", record::MAX_BYTES)?;
             let read = serde_json::from_slice(&text);
             let mut value: Value = read.map_err(|e| Error::new(Kind::Corrupt, path.display()).found(e))?;
             if narrow(&mut value) {
@@ -57,7 +57,7 @@ impl Member {
                 return Ok(Self { name, bytes: text.len() as u64, from: From::Text(text) });
             }
         }
-        let bytes = fs::metadata(&path).map_err(io)?.len();
+        let bytes = InputFile::open(&path)?.len();
         Ok(Self { name, bytes, from: From::File(path) })
     }
 }
@@ -81,9 +81,31 @@ fn narrow(value: &mut Value) -> bool {
     }
 }
 
-/// Writes the sequences below `sequences` that are done as one tar at `path`.
-pub(super) fn write(path: &Path, sequences: &Path, lines: &[Line]) -> Result<Packed> {
-    let members = members(sequences, lines)?;
+/// The bytes of a member that lies in a file.
+struct Contents {
+    file: InputFile,
+    position: u64,
+}
+
+impl Read for Contents {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let left = self.file.len() - self.position;
+        let len = usize::try_from(left).map_or(bytes.len(), |left| left.min(bytes.len()));
+        self.file.read_at(self.position, &mut bytes[..len]).map_err(io::Error::other)?;
+        self.position += len as u64;
+        Ok(len)
+    }
+}
+
+/// Writes the sequences in the shard's folder that are done as one tar at `path`; an error of `stop` ends it at once.
+pub(super) fn write(
+    path: &Path,
+    folder: &Path,
+    lines: &[Line],
+    access: Access,
+    stop: &mut dyn FnMut() -> Result<()>,
+) -> Result<Packed> {
+    let members = members(folder, lines, access, stop)?;
     // The length first, so that the disk is reserved at once.
     let length = {
         let mut counter = Counter::default();
@@ -91,9 +113,13 @@ pub(super) fn write(path: &Path, sequences: &Path, lines: &[Line]) -> Result<Pac
             .map_err(|e| Error::io(path.display(), e))?;
         counter.0
     };
-    let mut out = Out { writer: Writer::create(path, length, true)?, digest: Digest::new(), failed: None };
+    let writer = Writer::create(path, length, true)?;
+    let mut out = Out { writer, digest: Digest::new(), failed: None, stop };
     let built = build(&mut out, &members, &|m| match &m.from {
-        From::File(file) => Ok(Box::new(File::open(file)?.take(m.bytes))),
+        From::File(path) => {
+            let file = InputFile::open(path).map_err(io::Error::other)?;
+            Ok(Box::new(Contents { file, position: 0 }.take(m.bytes)))
+        }
         From::Text(text) => Ok(Box::new(text.as_bytes())),
     });
     if let Some(error) = out.failed.take() {
@@ -103,24 +129,31 @@ pub(super) fn write(path: &Path, sequences: &Path, lines: &[Line]) -> Result<Pac
     let digest = out.digest.text();
     out.writer.finish()?;
     let Stamp { bytes, time_ns } = stamp::at(path)?;
-    let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let file = PlainName::parse(Kind::Input, path.display(), &name)?;
     Ok(Packed { file, bytes, time_ns, digest })
 }
 
-fn members(sequences: &Path, lines: &[Line]) -> Result<Vec<Member>> {
+fn members(
+    shard: &Path,
+    lines: &[Line],
+    access: Access,
+    stop: &mut dyn FnMut() -> Result<()>,
+) -> Result<Vec<Member>> {
     let mut all = Vec::new();
     let mut done: Vec<_> = lines.iter().filter(|l| l.entry.status == Status::Done).collect();
     done.sort_by(|a, b| a.entry.id.cmp(&b.entry.id));
     for line in done {
         let id = &line.entry.id;
-        let folder = sequences.join(id);
-        let record = Record::verify(&folder, line.entry.digest.as_deref().unwrap_or_default())?;
+        let folder = sequence_path(id).below(shard, access)?;
+        let digest = line.entry.digest.as_deref().unwrap_or_default();
+        let record = Record::verify_below(&folder, digest, access, stop)?;
         let mut own = Vec::new();
-        let paths = record.files.iter().map(|f| f.path.as_str()).chain([record::NAME]);
-        for file in paths {
-            own.push(Member::of(member(id, file), folder.join(file), with_seeds(file))?);
+        for file in record.files.iter().map(|f| f.path.clone()).chain([record::NAME.into()]) {
+            let path = file.below(&folder, access)?;
+            own.push(Member::of(member(id, &file), path, with_seeds(file.as_str()))?);
         }
-        let split = line.entry.split.clone();
+        let split = line.entry.split.name().to_owned();
         let name = format!("{id}.split.txt");
         own.push(Member { name, bytes: split.len() as u64, from: From::Text(split) });
         own.sort_by(|a, b| a.name.cmp(&b.name));
@@ -167,16 +200,17 @@ impl Write for Counter {
 }
 
 /// Into the file, through the digest.
-struct Out {
+struct Out<'a> {
     writer: Writer,
     digest: Digest,
     failed: Option<Error>,
+    stop: &'a mut dyn FnMut() -> Result<()>,
 }
 
-impl Write for Out {
+impl Write for Out<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.digest.update(bytes);
-        match self.writer.write_all(bytes) {
+        match (self.stop)().and_then(|()| self.writer.write_all(bytes)) {
             Ok(()) => Ok(bytes.len()),
             Err(e) => {
                 let text = e.to_string();
@@ -217,7 +251,8 @@ mod tests {
             ("labels/000012.depth.npy", "scene-0001.labels-000012-depth.npy"),
             ("labels/000012.backward.flo", "scene-0001.labels-000012-backward.flo"),
         ] {
-            assert_eq!(member("scene-0001", path), name);
+            let id = PlainName::parse(Kind::Input, "id", "scene-0001").unwrap();
+            assert_eq!(member(&id, &InnerPath::from(path)), name);
         }
     }
 }

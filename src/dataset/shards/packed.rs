@@ -4,14 +4,16 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::dataset::record::if_intact;
 use crate::dataset::stamp::{self, Stamp};
-use crate::storage::Digest;
+use crate::error::Result;
+use crate::inputs::PlainName;
 
 /// A tar that is whole.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub(super) struct Packed {
     /// Its name beside the shard's folder.
-    pub(crate) file: String,
+    pub(crate) file: PlainName,
     pub(crate) bytes: u64,
     /// Time in nanoseconds since 1970.
     pub(crate) time_ns: i64,
@@ -20,11 +22,23 @@ pub(super) struct Packed {
 
 impl Packed {
     /// Whether the file at `path` is still it: by size and time, or by its digest.
-    pub(crate) fn holds(&self, path: &Path, verify: bool) -> bool {
-        let Ok(found) = stamp::at(path) else { return false };
-        if verify {
-            return found.bytes == self.bytes && Digest::of_file(path).is_ok_and(|d| d == self.digest);
+    ///
+    /// # Errors
+    /// Those of `stop`.
+    pub(crate) fn holds(
+        &self,
+        path: &Path,
+        verify: bool,
+        stop: &mut dyn FnMut() -> Result<()>,
+    ) -> Result<bool> {
+        let Ok(found) = stamp::at(path) else { return Ok(false) };
+        if !verify {
+            return Ok(found == Stamp { bytes: self.bytes, time_ns: self.time_ns });
         }
-        found == Stamp { bytes: self.bytes, time_ns: self.time_ns }
+        stop()?;
+        if found.bytes != self.bytes {
+            return Ok(false);
+        }
+        Ok(if_intact(stamp::digest_of_file(path, stop))?.is_some_and(|digest| digest == self.digest))
     }
 }

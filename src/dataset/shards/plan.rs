@@ -5,16 +5,20 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::list::{Frozen, Piece, freeze, frozen};
+use super::list::{self, Frozen, Piece, freeze, frozen};
 use crate::dataset::config;
-use crate::dataset::entries::{new_input, planned};
+use crate::dataset::entries::{new_input, planned_scene};
 use crate::dataset::{DatasetOptions, Entry, Input, Inputs, Split, Stamp, Work};
 use crate::error::{Error, Kind, Result};
+use crate::inputs::{Access, InnerPath, PlainName, read_bytes};
 use crate::storage::{self, trees};
 
 /// The version of the plan's form.
 const VERSION: u32 = 1;
 const NAME: &str = "plan.json";
+
+/// The most that a plan may hold, in bytes: a million shards of inputs have some 200 MB.
+const MAX_BYTES: u64 = 256 << 20;
 
 /// The work of many machines: a folder with a plan, which every shard reads and none writes.
 #[derive(Clone, Debug)]
@@ -30,6 +34,13 @@ pub struct Plan {
     /// Whether a finished shard becomes one tar.
     pub pack: bool,
     pieces: Vec<Piece>,
+}
+
+/// The keys of `plan.json` by which its other keys are known.
+#[derive(Deserialize)]
+struct Versions {
+    plan: Option<serde_json::Value>,
+    version: Option<serde_json::Value>,
 }
 
 /// `plan.json`.
@@ -95,7 +106,8 @@ impl Plan {
         let folder = &options.output;
         trees::remove_partials(folder, |_| true)?;
         for (name, bytes) in &written.maps {
-            storage::write_small(&folder.join(name), bytes, true)?;
+            let name = PlainName::parse(Kind::Config, "map of a camera", name)?;
+            storage::write_small(&trees::prepare(folder, &InnerPath::from(name))?, bytes, true)?;
         }
         let (sequences, pieces) = match &options.work {
             Work::Drives(drives) => (u64::from(drives.sequences), Vec::new()),
@@ -114,38 +126,67 @@ impl Plan {
         let path = folder.join(NAME);
         let bytes = serde_json::to_vec_pretty(&on_disk)
             .map_err(|e| Error::new(Kind::Config, path.display()).found(e))?;
+        if bytes.len() as u64 > MAX_BYTES {
+            return Err(Error::new(Kind::Usage, "--per-shard")
+                .found(format_args!("a plan of {} bytes for {} shards", bytes.len(), on_disk.shards))
+                .expected(format_args!("at most {MAX_BYTES} bytes"))
+                .remedy("give each shard more sequences"));
+        }
         storage::write_small(&path, &bytes, false)
     }
 
-    /// Reads the plan of a folder.
+    /// Reads the plan of a folder. Links may not leave the folder.
     ///
     /// # Errors
-    /// [`Kind::Io`] where there is none, [`Kind::Config`] for one of another version of its form or of the program.
+    /// [`Kind::Io`] where there is none, [`Kind::Config`] for one of another version of its form or of the program, and for
+    /// one whose numbers of sequences and shards are not those of its options.
     pub fn read(folder: &Path) -> Result<Self> {
-        let path = folder.join(NAME);
-        let text = fs::read_to_string(&path).map_err(|e| {
-            Error::io(path.display(), e).expected("a plan").remedy("make one with 'spikelane dataset plan'")
+        Self::read_with(folder, false)
+    }
+
+    /// The same; with `follow_links` links may leave the folder when its files are read.
+    ///
+    /// # Errors
+    /// As [`Plan::read`].
+    pub fn read_with(folder: &Path, follow_links: bool) -> Result<Self> {
+        let access = Access::reading(follow_links);
+        let path = InnerPath::from(NAME).below(folder, access)?;
+        let text = read_bytes(&path, "a plan", MAX_BYTES).map_err(|e| match e.kind() {
+            Kind::Io => e.expected("a plan").remedy("make one with 'spikelane dataset plan'"),
+            _ => e,
         })?;
         let bad = |found: &dyn std::fmt::Display| Error::new(Kind::Config, path.display()).found(found);
         // The version first: another one may have other keys.
-        let head: serde_json::Value = serde_json::from_str(&text).map_err(|e| bad(&e))?;
+        let head: Versions = serde_json::from_slice(&text).map_err(|e| bad(&e))?;
         let own = env!("CARGO_PKG_VERSION");
-        if head["plan"] != VERSION {
-            return Err(bad(&format_args!("version {} of the plan's form", head["plan"]))
+        let shown = |value: Option<serde_json::Value>| value.unwrap_or_default().to_string();
+        if head.plan != Some(VERSION.into()) {
+            return Err(bad(&format_args!("version {} of the plan's form", shown(head.plan)))
                 .expected(VERSION)
                 .remedy("use the version of the program that planned it"));
         }
-        if head["version"] != own {
-            return Err(bad(&format_args!("a plan of spikelane {}", head["version"]))
+        if head.version != Some(own.into()) {
+            return Err(bad(&format_args!("a plan of spikelane {}", shown(head.version)))
                 .expected(own)
                 .remedy("sequences of two versions may differ; use the one that planned it, or plan anew"));
         }
-        let on_disk: OnDisk = serde_json::from_value(head).map_err(|e| bad(&e))?;
-        let mut options = config::parse(&on_disk.options, folder).map_err(|e| e.within(path.display()))?;
-        folder.clone_into(&mut options.output);
+        let on_disk: OnDisk = serde_json::from_slice(&text).map_err(|e| bad(&e))?;
+        let options = config::parse_with(&on_disk.options, folder, follow_links)
+            .and_then(|options| options.check().map(|()| options))
+            .map_err(|e| e.usage_as_config().within(path.display()))?;
+        let options = DatasetOptions { output: folder.to_owned(), follow_links, ..options };
         let OnDisk { sequences, per_shard, pack, pieces, shards, .. } = on_disk;
         if per_shard == 0 || shards != sequences.div_ceil(per_shard) {
             return Err(bad(&format_args!("{shards} shards of {per_shard} for {sequences} sequences")));
+        }
+        match &options.work {
+            Work::Drives(drives) if sequences != u64::from(drives.sequences) => {
+                return Err(bad(&format_args!("{sequences} sequences"))
+                    .expected(format_args!("{}, as its options have", drives.sequences))
+                    .remedy("copy the plan again, or plan anew"));
+            }
+            Work::Drives(_) => {}
+            Work::Inputs(_) => list::check(&pieces, shards).map_err(|e| e.within(path.display()))?,
         }
         Ok(Self { folder: folder.to_owned(), options, sequences, per_shard, pack, pieces })
     }
@@ -174,7 +215,7 @@ impl Plan {
     /// When a file would exceed what can be counted.
     pub fn estimated_bytes(&self) -> Result<Option<u64>> {
         let Work::Drives(drives) = &self.options.work else { return Ok(None) };
-        let each = planned(&self.options, self.options.scene_id(0), None, Some(drives.readouts()))?.bytes;
+        let each = planned_scene(&self.options, drives, 0)?.bytes;
         Ok(each.map(|bytes| bytes.saturating_mul(self.sequences)))
     }
 
@@ -184,23 +225,28 @@ impl Plan {
         self.sequences.div_ceil(self.per_shard)
     }
 
+    /// Sequences of shard `number`.
+    #[must_use]
+    pub fn sequences_of(&self, number: u64) -> u64 {
+        let first = number.saturating_mul(self.per_shard);
+        self.sequences.saturating_sub(first).min(self.per_shard)
+    }
+
     /// The name of shard `number`: six digits, or as many as the last one needs.
     #[must_use]
-    pub fn shard_name(&self, number: u64) -> String {
+    pub fn shard_name(&self, number: u64) -> PlainName {
         let width = self.shards().saturating_sub(1).to_string().len().max(6);
-        format!("{number:0width$}")
+        PlainName::number(number, width)
     }
 
-    /// The folder of shard `number`.
-    #[must_use]
-    pub fn shard_folder(&self, number: u64) -> PathBuf {
-        self.folder.join("shards").join(self.shard_name(number))
+    /// The folder of shard `number`, for `access`.
+    pub(super) fn shard_folder(&self, number: u64, access: Access) -> Result<PathBuf> {
+        InnerPath::from("shards").join(self.shard_name(number)).below(&self.folder, access)
     }
 
-    /// The tar that shard `number` becomes, if shards are packed.
-    #[must_use]
-    pub fn shard_pack(&self, number: u64) -> PathBuf {
-        self.folder.join("shards").join(format!("{}.tar", self.shard_name(number)))
+    /// The tar that shard `number` becomes, if shards are packed, for `access`.
+    pub(super) fn shard_pack(&self, number: u64, access: Access) -> Result<PathBuf> {
+        InnerPath::from("shards").join(self.shard_name(number).with(".tar")).below(&self.folder, access)
     }
 
     /// Splits of all sequences by their number; none for inputs, whose split needs their name alone.
@@ -213,28 +259,30 @@ impl Plan {
 
     /// The sequences of shard `number`; `splits` are those of [`Self::scene_splits`].
     pub(super) fn tasks(&self, number: u64, splits: &[Split]) -> Result<Vec<Task>> {
-        let first = number * self.per_shard;
-        let last = (first + self.per_shard).min(self.sequences);
+        let sequences = self.sequences_of(number);
+        let first = number.saturating_mul(self.per_shard);
         match &self.options.work {
-            Work::Drives(drives) => (first..last)
+            Work::Drives(drives) => (first..first + sequences)
                 .map(|i| {
-                    let id = self.options.scene_id(i);
-                    let mut entry = planned(&self.options, id, None, Some(drives.readouts()))?;
-                    splits[i as usize].name().clone_into(&mut entry.split);
+                    let mut entry = planned_scene(&self.options, drives, i)?;
+                    entry.split = splits[i as usize];
                     Ok(Task { entry, stamp: None })
                 })
                 .collect(),
-            Work::Inputs(inputs) => frozen(&self.folder, &self.pieces, number)?
-                .into_iter()
-                .map(|frozen| self.task(inputs, frozen))
-                .collect(),
+            Work::Inputs(inputs) => {
+                let access = self.options.access();
+                frozen(&self.folder, &self.pieces, number, sequences, access)?
+                    .into_iter()
+                    .map(|frozen| self.task(inputs, frozen))
+                    .collect()
+            }
         }
     }
 
     fn task(&self, inputs: &Inputs, frozen: Frozen) -> Result<Task> {
         let Frozen { id, path, frames, bytes, time_ns } = frozen;
         let mut entry = new_input(&self.options, inputs, Input { id, path, frames })?;
-        self.options.split_alone(&entry.id).name().clone_into(&mut entry.split);
+        entry.split = self.options.split_alone(entry.id.as_str());
         Ok(Task { entry, stamp: Some(Stamp { bytes, time_ns }) })
     }
 }

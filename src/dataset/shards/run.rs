@@ -9,8 +9,12 @@ use super::journal::{self, Head, Journal, Line};
 use super::lock::{self, Lock};
 use super::pack;
 use super::plan::{Plan, Task};
+use crate::dataset::from::located;
+use crate::dataset::manifest::sequence_path;
+use crate::dataset::record::if_intact;
 use crate::dataset::{DatasetOptions, Entry, Progress, Record, Status, Work, sequence, stamp};
 use crate::error::{Error, Kind, Result};
+use crate::inputs::{Access, InnerPath, PlainName};
 use crate::storage::trees;
 
 /// How a shard is run.
@@ -62,22 +66,24 @@ pub fn run(
             .found(number)
             .expected(format_args!("0 to {}", plan.shards().saturating_sub(1))));
     }
-    let folder = plan.shard_folder(number);
-    let sequences = folder.join("sequences");
-    let create = |path: &Path| fs::create_dir_all(path).map_err(|e| Error::io(path.display(), e));
-    create(&folder)?;
+    let folder = plan.shard_folder(number, Access::Write)?;
+    fs::create_dir_all(&folder).map_err(|e| Error::io(folder.display(), e))?;
     let _lock = how.lock.then(|| Lock::take(&lock::place(&folder))).transpose()?;
     clean(&folder)?;
     let tasks = plan.tasks(number, &plan.scene_splits())?;
-    if let Some(report) = whole(plan, number, how)? {
+    let mut verified = |index: usize, id: &str| {
+        watch(Progress { index, of: tasks.len(), id, readouts: 0, total: None, verifying: true })
+    };
+    if let Some(report) = whole(plan, number, &tasks, how, &mut verified)? {
         return Ok(report);
     }
-    create(&sequences)?;
+    trees::prepare(&folder, &InnerPath::from("sequences/any"))?;
     let mut options = plan.options.clone();
     options.output.clone_from(&folder);
     options.threads = how.threads;
-    let mut shard = Shard { options, journal: Journal::of(&folder), report: ShardReport::default(), watch };
-    let known = shard.known(&folder, how)?;
+    let journal = Journal::of(&folder, Access::Write)?;
+    let known = known(&journal, &folder, how, options.access(), &mut verified)?;
+    let mut shard = Shard { options, journal, report: ShardReport::default(), watch };
     let mut lines = Vec::with_capacity(tasks.len());
     for (index, task) in tasks.iter().enumerate() {
         let line = match known.get(&task.entry.id) {
@@ -90,15 +96,22 @@ pub fn run(
         };
         lines.push(line);
     }
-    let packed =
-        if plan.pack { Some(pack::write(&plan.shard_pack(number), &sequences, &lines)?) } else { None };
+    let access = shard.options.access();
+    let packed = if plan.pack {
+        let path = plan.shard_pack(number, Access::Write)?;
+        let watch = &mut *shard.watch;
+        let at = |id| Progress { index: 0, of: tasks.len(), id, readouts: 0, total: None, verifying: true };
+        Some(pack::write(&path, &folder, &lines, access, &mut || watch(at("pack")))?)
+    } else {
+        None
+    };
     if plan.pack {
         // Their files go; the pack has a time of its own.
         lines.iter_mut().for_each(|line| line.times_ns.clear());
     }
     journal::write_manifest(&folder, &Head::of(number, &lines, packed), &lines)?;
     if plan.pack {
-        trees::remove(&sequences)?;
+        trees::remove(&folder, &"sequences".into())?;
     }
     shard.journal.remove()?;
     let mut report = shard.report;
@@ -114,50 +127,115 @@ fn set_aside(lines: &[Line]) -> Vec<(String, String)> {
 
 /// What people know a sequence by.
 fn name(entry: &Entry) -> String {
-    entry.input.clone().filter(|name| !name.is_empty()).unwrap_or_else(|| entry.id.clone())
+    entry.input.clone().filter(|name| !name.is_empty()).unwrap_or_else(|| entry.id.to_string())
 }
 
 /// Removes what a killed run left: hidden folders and files in the making.
 fn clean(folder: &Path) -> Result<()> {
     trees::remove_partials(folder, |_| true)?;
-    trees::remove_partials(&folder.join("sequences"), |_| true)?;
+    trees::remove_partials_in(folder, &"sequences".into())?;
     // The pack is made beside the folder, where others are at work too.
     let (Some(beside), Some(name)) = (folder.parent(), folder.file_name()) else { return Ok(()) };
     let own = format!(".{}.tar.", name.to_string_lossy());
     trees::remove_partials(beside, |name| name.starts_with(&own))
 }
 
+/// Hears of each sequence that is verified, by its number and name, and may stop the work.
+type Verifying<'a> = &'a mut dyn FnMut(usize, &str) -> Result<()>;
+
 /// The report of a shard that is done and unharmed; what is damaged loses its manifest.
-fn whole(plan: &Plan, number: u64, how: &Running) -> Result<Option<ShardReport>> {
-    let folder = plan.shard_folder(number);
-    let Some((head, lines)) = journal::read_manifest(&folder)? else { return Ok(None) };
+fn whole(
+    plan: &Plan,
+    number: u64,
+    tasks: &[Task],
+    how: &Running,
+    watch: Verifying<'_>,
+) -> Result<Option<ShardReport>> {
+    let folder = plan.shard_folder(number, Access::Write)?;
+    let access = plan.options.access();
+    let read = journal::read_manifest(&folder, plan.sequences_of(number), access)?;
+    let Some((head, lines)) = read else { return Ok(None) };
     let retry = how.retry && head.failed > 0;
-    let sound = match &head.pack {
-        Some(packed) => packed.holds(&plan.shard_pack(number), how.verify),
-        None => lines.iter().all(|line| is_sound(line, &folder, how)),
-    };
+    let is_planned = lines.iter().zip(tasks).all(|(line, task)| line.entry.id == task.entry.id);
+    let sound = is_planned
+        && match &head.pack {
+            Some(packed) => {
+                let path = plan.shard_pack(number, access)?;
+                packed.holds(&path, how.verify, &mut || watch(0, "pack"))?
+            }
+            None => all_sound(&lines, &folder, how, access, watch)?,
+        };
     if sound && !retry {
         if head.pack.is_some() {
-            trees::remove(&folder.join("sequences"))?;
+            trees::remove(&folder, &"sequences".into())?;
         }
-        Journal::of(&folder).remove()?;
+        Journal::of(&folder, Access::Write)?.remove()?;
         let set_aside = set_aside(&lines);
         let kept = lines.len() - set_aside.len();
         return Ok(Some(ShardReport { kept, set_aside, ..ShardReport::default() }));
     }
     // Packed sequences are there no more; a line without files would not hold.
-    Journal::of(&folder).begin(&lines)?;
+    Journal::of(&folder, Access::Write)?.begin(&lines)?;
     journal::withdraw_manifest(&folder)?;
     Ok(None)
 }
 
-fn is_sound(line: &Line, folder: &Path, how: &Running) -> bool {
-    if line.entry.status == Status::Failed {
-        return true;
+fn all_sound(
+    lines: &[Line],
+    folder: &Path,
+    how: &Running,
+    access: Access,
+    watch: Verifying<'_>,
+) -> Result<bool> {
+    for (index, line) in lines.iter().enumerate() {
+        let id = line.entry.id.as_str();
+        if !is_sound(line, folder, how, access, &mut || watch(index, id))? {
+            return Ok(false);
+        }
     }
-    let place = folder.join("sequences").join(&line.entry.id);
+    Ok(true)
+}
+
+fn is_sound(
+    line: &Line,
+    folder: &Path,
+    how: &Running,
+    access: Access,
+    stop: &mut dyn FnMut() -> Result<()>,
+) -> Result<bool> {
+    stop()?;
+    if line.entry.status == Status::Failed {
+        return Ok(true);
+    }
+    let place = sequence_path(&line.entry.id).below(folder, access)?;
+    if !how.verify {
+        return line.holds(&place, access);
+    }
     let digest = line.entry.digest.as_deref().unwrap_or_default();
-    if how.verify { Record::verify(&place, digest).is_ok() } else { line.holds(&place) }
+    Ok(if_intact(Record::verify_below(&place, digest, access, stop))?.is_some())
+}
+
+/// The settled sequences that hold, with which the journal begins anew.
+fn known(
+    journal: &Journal,
+    folder: &Path,
+    how: &Running,
+    access: Access,
+    watch: Verifying<'_>,
+) -> Result<BTreeMap<PlainName, Line>> {
+    let mut lines = Vec::new();
+    for (index, line) in journal.read()?.into_iter().enumerate() {
+        let id = line.entry.id.as_str();
+        let holds = match line.entry.status {
+            Status::Failed => !how.retry,
+            _ => is_sound(&line, folder, how, access, &mut || watch(index, id))?,
+        };
+        if holds {
+            lines.push(line);
+        }
+    }
+    journal.begin(&lines)?;
+    Ok(lines.into_iter().map(|line| (line.entry.id.clone(), line)).collect())
 }
 
 struct Shard<'a> {
@@ -168,17 +246,6 @@ struct Shard<'a> {
 }
 
 impl Shard<'_> {
-    /// The settled sequences that hold, with which the journal begins anew.
-    fn known(&self, folder: &Path, how: &Running) -> Result<BTreeMap<String, Line>> {
-        let mut lines = self.journal.read()?;
-        lines.retain(|line| match line.entry.status {
-            Status::Failed => !how.retry,
-            _ => is_sound(line, folder, how),
-        });
-        self.journal.begin(&lines)?;
-        Ok(lines.into_iter().map(|line| (line.entry.id.clone(), line)).collect())
-    }
-
     /// Makes a sequence, or sets it aside.
     fn settle(&mut self, task: &Task, index: usize, of: usize) -> Result<Line> {
         let start = Instant::now();
@@ -187,7 +254,7 @@ impl Shard<'_> {
             match self.make(task, index, of) {
                 Ok(entry) => {
                     self.report.made += 1;
-                    let folder = self.options.output.join("sequences").join(&entry.id);
+                    let folder = sequence_path(&entry.id).below(&self.options.output, Access::Read)?;
                     return Line::done(entry, start.elapsed().as_secs_f64(), &folder);
                 }
                 Err(e) if self.ends(&e) => return Err(e),
@@ -198,7 +265,7 @@ impl Shard<'_> {
         let mut entry = task.entry.clone();
         (entry.status, entry.reason, entry.bytes) = (Status::Failed, Some(reason), None);
         // An earlier attempt of another run may have left its folder.
-        trees::remove(&self.options.output.join("sequences").join(&entry.id))?;
+        trees::remove(&self.options.output, &sequence_path(&entry.id))?;
         Ok(Line { entry, seconds: start.elapsed().as_secs_f64(), times_ns: Vec::new() })
     }
 
@@ -215,12 +282,12 @@ impl Shard<'_> {
     fn make(&mut self, task: &Task, index: usize, of: usize) -> Result<Entry> {
         let mut entry = task.entry.clone();
         self.unchanged(task)?;
+        let (watch, id) = (&mut *self.watch, task.entry.id.as_str());
+        let mut tell = |readouts, total| watch(Progress { index, of, id, readouts, total, verifying: false });
         if let (Work::Inputs(inputs), Some(name)) = (&self.options.work, &entry.input) {
-            entry.input_digest = Some(stamp::digest(&inputs.folder.join(name))?);
+            let path = located(inputs, Path::new(name))?;
+            entry.input_digest = Some(stamp::digest(&path, &mut || tell(0, None))?);
         }
-        let (watch, id) = (&mut *self.watch, task.entry.id.clone());
-        let mut tell =
-            |readouts, total| watch(Progress { index, of, id: &id, readouts, total, verifying: false });
         let (record, digest, readouts) = sequence::make(&self.options, &entry, &mut tell)?;
         let notes = record.about["notes"].as_array().into_iter().flatten();
         self.report.notes.extend(notes.filter_map(|n| n.as_str().map(str::to_owned)));
@@ -236,7 +303,7 @@ impl Shard<'_> {
         else {
             return Ok(());
         };
-        let path = inputs.folder.join(name);
+        let path = located(inputs, Path::new(name))?;
         let found = stamp::of(&path)?;
         if found == stamp {
             return Ok(());

@@ -44,21 +44,24 @@ impl Standing {
     }
 }
 
-/// Looks at every shard: one file of those that are done, the lock of the others.
+/// Looks at every shard: one file of those that are done, the lock of the others. `watch` hears of every shard, and its
+/// error ends it.
 ///
 /// # Errors
 /// When a shard's manifest is damaged or cannot be read.
-pub fn status(plan: &Plan) -> Result<Standing> {
+pub fn status(plan: &Plan, watch: &mut dyn FnMut(u64) -> Result<()>) -> Result<Standing> {
+    let access = plan.options.access();
     let mut standing = Standing { shards: plan.shards(), sequences: plan.sequences, ..Standing::default() };
     let mut seconds = Vec::new();
     for shard in 0..plan.shards() {
-        let folder = plan.shard_folder(shard);
-        if let Some(head) = journal::read_head(&folder)? {
+        watch(shard)?;
+        let folder = plan.shard_folder(shard, access)?;
+        if let Some(head) = journal::read_head(&folder, access)? {
             standing.done += 1;
-            standing.set_aside += head.failed;
+            standing.set_aside = standing.set_aside.saturating_add(head.failed);
             seconds.push(head.seconds);
         } else if let Some(holder) = lock::holder(&lock::place(&folder)) {
-            let settled = journal::Journal::of(&folder).read()?.len() as u64;
+            let settled = journal::Journal::of(&folder, access)?.read()?.len() as u64;
             standing.running.push(AtWork { shard, holder, settled });
         } else {
             standing.missing.push(shard);

@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use crate::dataset::{Entry, Manifest, Record, Status, frames};
 use crate::error::Result;
+use crate::inputs::{Access, InnerPath};
 use crate::simulate::Sidecar;
 
 pub use page::html;
@@ -81,17 +82,19 @@ pub struct Stats {
     pub histograms: BTreeMap<String, Vec<(f64, f64)>>,
 }
 
-/// Reads the records, sidecars and boxes of a dataset whose sequences lie in folders.
+/// Reads the records, sidecars and boxes of a dataset whose sequences lie in folders; with `follow_links` links may leave
+/// the dataset's folder.
 ///
 /// # Errors
 /// [`Input`](crate::Kind::Input) for packed shards, which have no folders; those of reading.
-pub fn stats(folder: &Path) -> Result<Stats> {
-    let manifest = Manifest::read(folder)?;
+pub fn stats(folder: &Path, follow_links: bool) -> Result<Stats> {
+    let access = Access::reading(follow_links);
+    let manifest = Manifest::read_below(folder, access)?;
     let mut stats = Stats { digest: manifest.digest(), ..Stats::default() };
     let mut values: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for entry in &manifest.entries {
         match entry.status {
-            Status::Done => stats.take(folder, entry, &mut values)?,
+            Status::Done => stats.take(folder, entry, access, &mut values)?,
             Status::Failed => stats.set_aside += 1,
             Status::Planned => {}
         }
@@ -100,7 +103,8 @@ pub fn stats(folder: &Path) -> Result<Stats> {
     let shown = done.len().min(PICTURES);
     for i in 0..shown {
         let entry = done[i * done.len() / shown];
-        stats.pictures.push((entry.id.clone(), entry.folder(folder).join("clear.png")));
+        let picture = entry.path().join("clear.png").below(folder, access)?;
+        stats.pictures.push((entry.id.to_string(), picture));
     }
     for (name, values) in values {
         if let Some(bins) = histogram(&values) {
@@ -145,18 +149,25 @@ pub fn number(value: f64) -> String {
 }
 
 impl Stats {
-    fn take(&mut self, folder: &Path, entry: &Entry, values: &mut BTreeMap<String, Vec<f64>>) -> Result<()> {
-        let place = entry.unpacked(folder)?;
-        let (record, sidecar) = (Record::read(&place)?, Sidecar::read(&place.join("stream.json"))?);
-        *self.splits.entry(entry.split.clone()).or_default() += 1;
+    fn take(
+        &mut self,
+        folder: &Path,
+        entry: &Entry,
+        access: Access,
+        values: &mut BTreeMap<String, Vec<f64>>,
+    ) -> Result<()> {
+        let place = entry.unpacked(folder, access)?;
+        let record = Record::read_below(&place, access)?;
+        let sidecar = Sidecar::read(&InnerPath::from("stream.json").below(&place, access)?)?;
+        *self.splits.entry(entry.split.name().to_owned()).or_default() += 1;
         if let Some(light) = record.about["lighting"].as_str() {
             *self.lights.entry(light.to_owned()).or_default() += 1;
         }
         if let Some(camera) = &sidecar.camera {
             *self.cameras.entry(camera.name.clone()).or_default() += 1;
         }
-        self.readouts += sidecar.readouts;
-        self.bytes += record.bytes();
+        self.readouts = self.readouts.saturating_add(sidecar.readouts);
+        self.bytes = self.bytes.saturating_add(record.bytes());
         let mut add = |name: &str, value: Option<f64>| {
             if let Some(value) = value {
                 values.entry(name.to_owned()).or_default().push(value);
@@ -174,11 +185,11 @@ impl Stats {
         ] {
             add(name, record.about[key].as_f64());
         }
-        self.boxes(&place, &mut add)
+        self.boxes(&place, access, &mut add)
     }
 
-    fn boxes(&mut self, place: &Path, add: &mut dyn FnMut(&str, Option<f64>)) -> Result<()> {
-        for frame in frames::read(place)? {
+    fn boxes(&mut self, place: &Path, access: Access, add: &mut dyn FnMut(&str, Option<f64>)) -> Result<()> {
+        for frame in frames::read(place, access)? {
             add("speed of the camera, m/s", Some(frame.camera.speed_mps));
             add("vehicles seen in a frame", Some(frame.seen().count() as f64));
             for found in frame.seen() {

@@ -3,8 +3,12 @@
 use std::collections::BTreeMap;
 
 use super::{Stats, number};
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::inputs::read_bytes;
 use crate::report::{Curve, Part, Table, bars, page, picture};
+
+/// The most that a picture on the page may hold, in bytes.
+const MAX_PICTURE_BYTES: u64 = 64 << 20;
 
 /// The overview as one HTML file.
 ///
@@ -54,7 +58,7 @@ pub fn html(name: &str, stats: &Stats) -> Result<String> {
 fn pictures(stats: &Stats) -> Result<String> {
     let mut markup = String::new();
     for (id, path) in &stats.pictures {
-        let bytes = std::fs::read(path).map_err(|e| Error::io(path.display(), e))?;
+        let bytes = read_bytes(path, "a picture", MAX_PICTURE_BYTES)?;
         markup += &picture(&bytes, id, 200);
         markup.push(' ');
     }

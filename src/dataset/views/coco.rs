@@ -8,12 +8,18 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::dataset::{DatasetOptions, Entry};
+use crate::dataset::{DatasetOptions, Entry, Split, frames};
 use crate::error::{Error, Kind, Result};
-use crate::storage::steps;
+use crate::inputs::{InnerPath, PlainName, read_bytes};
+use crate::storage::{steps, trees};
 
 /// Its name in the folder of a split.
 pub(super) const NAME: &str = "coco.json";
+
+/// Where the file of a split lies in the dataset's folder.
+pub(super) fn path(split: Split) -> InnerPath {
+    InnerPath::from(split.name()).join(NAME)
+}
 
 /// The file of a split in the making.
 pub(super) struct Merged {
@@ -31,9 +37,9 @@ struct Part {
 }
 
 impl Part {
-    fn begin(folder: &Path, what: &str) -> Result<Self> {
-        let hidden = folder.join(format!(".coco-{what}.partial"));
-        let file = File::create(&hidden).map_err(|e| Error::io(hidden.display(), e))?;
+    fn begin(root: &Path, split: Split, name: &'static str) -> Result<Self> {
+        let hidden = trees::prepare(root, &InnerPath::from(split.name()).join(name))?;
+        let file = trees::create(&hidden)?;
         Ok(Self { file: BufWriter::new(file), hidden, count: 0 })
     }
 
@@ -52,12 +58,12 @@ impl Part {
 }
 
 impl Merged {
-    pub(super) fn begin(folder: &Path) -> Result<Self> {
-        fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
+    /// Begins the file of `split` in the dataset's folder `root`.
+    pub(super) fn begin(root: &Path, split: Split) -> Result<Self> {
         Ok(Self {
-            path: folder.join(NAME),
-            images: Part::begin(folder, "images")?,
-            annotations: Part::begin(folder, "annotations")?,
+            path: trees::prepare(root, &path(split))?,
+            images: Part::begin(root, split, ".coco-images.partial")?,
+            annotations: Part::begin(root, split, ".coco-annotations.partial")?,
             categories: Value::Array(Vec::new()),
         })
     }
@@ -66,25 +72,30 @@ impl Merged {
     ///
     /// `file_name` is the picture's path below the dataset's folder.
     pub(super) fn add(&mut self, options: &DatasetOptions, entry: &Entry) -> Result<()> {
-        let folder = entry.folder(&options.output);
-        let path = folder.join("labels").join(NAME);
-        let bytes = fs::read(&path).map_err(|e| Error::io(path.display(), e))?;
+        let path = entry.path().join("labels").join(NAME).below(&options.output, options.access())?;
+        let bytes = read_bytes(&path, "COCO's lists", frames::MAX_BYTES)?;
         let bad = |found: &dyn std::fmt::Display| {
             Error::new(Kind::Corrupt, path.display()).found(found).expected("COCO's lists")
         };
         let mut own: Value = serde_json::from_slice(&bytes).map_err(|e| bad(&e))?;
-        let below = folder.strip_prefix(&options.output).unwrap_or(&folder).join("images");
+        let below = entry.path().join("images");
         let (images_before, annotations_before) = (self.images.count, self.annotations.count);
         let shift = |value: &mut Value, key: &str, by: u64| -> Result<()> {
-            let id = value[key].as_u64().ok_or_else(|| bad(&format_args!("no {key}")))?;
-            value[key] = (id + by).into();
+            // Indexing a value that is no object would panic.
+            let number = value.get_mut(key);
+            let number = number.ok_or_else(|| bad(&format_args!("no {key}")))?;
+            let id = number.as_u64().and_then(|id| id.checked_add(by));
+            *number = id.ok_or_else(|| bad(&format_args!("{key} = {number}")))?.into();
             Ok(())
         };
+        if !own.is_object() {
+            return Err(bad(&"no object"));
+        }
         for image in own["images"].as_array_mut().into_iter().flatten() {
             shift(image, "id", images_before)?;
             let readout = image["readout"].as_u64().ok_or_else(|| bad(&"an image without readout"))?;
-            let name = format!("{readout:06}.{}", options.images.form.extension());
-            image["file_name"] = below.join(name).to_string_lossy().into();
+            let name = PlainName::number(readout, 6).with(".").with(options.images.form.extension());
+            image["file_name"] = below.join(name).as_str().into();
             image["sequence"] = entry.id.as_str().into();
             self.images.add(image)?;
         }
@@ -100,7 +111,7 @@ impl Merged {
     pub(super) fn finish(self) -> Result<()> {
         let hidden = self.path.with_file_name(format!(".{NAME}.partial"));
         let joined = || -> std::io::Result<File> {
-            let mut file = File::create(&hidden)?;
+            let mut file = trees::create(&hidden).map_err(std::io::Error::other)?;
             file.write_all(b"{\"images\": [")?;
             self.images.pour(&mut file)?;
             file.write_all(b"],\n\"annotations\": [")?;

@@ -15,7 +15,7 @@ const NAME: &str = "croissant.json";
 pub(super) fn write(options: &DatasetOptions, tables: &[(Split, String)], about: &str) -> Result<()> {
     let path = options.output.join(NAME);
     if tables.is_empty() {
-        return trees::remove(&path);
+        return trees::remove(&options.output, &NAME.into());
     }
     let described = described(options, tables, about);
     let text = serde_json::to_vec_pretty(&described)

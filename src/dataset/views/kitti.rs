@@ -1,26 +1,25 @@
 //! Labels as KITTI's tracking benchmark has them: `SPLIT/kitti/label_02/ID.txt`, and `SPLIT/kitti/calib/ID.txt`.
 
 use std::fmt::Write as _;
-use std::fs;
-use std::path::Path;
 
 use super::links::put;
-use crate::dataset::Entry;
 use crate::dataset::frames::{LabelledFrame, Lens};
+use crate::dataset::{DatasetOptions, Entry};
 use crate::error::{Error, Kind, Result};
+use crate::inputs::{InnerPath, PlainName, read_text};
 
-/// Writes both into the folder of a split.
+/// Writes both into the folder of the split.
 pub(super) fn write(
-    split: &Path,
-    sequence: &Path,
+    options: &DatasetOptions,
     entry: &Entry,
     camera: &Lens,
     frames: &[LabelledFrame],
 ) -> Result<()> {
     let mut text = String::new();
     for (index, frame) in frames.iter().enumerate() {
-        let path = sequence.join(format!("labels/{:06}.kitti.txt", frame.readout));
-        let own = fs::read_to_string(&path).map_err(|e| Error::io(path.display(), e))?;
+        let name = PlainName::number(frame.readout, 6).with(".kitti.txt");
+        let path = entry.path().join("labels").join(name).below(&options.output, options.access())?;
+        let own = read_text(&path, "KITTI's labels")?;
         let lines = tracked(index, frame, &own);
         text += &lines.ok_or_else(|| {
             Error::new(Kind::Corrupt, path.display())
@@ -29,9 +28,10 @@ pub(super) fn write(
                 .remedy("make the sequence again")
         })?;
     }
-    let (folder, name) = (split.join("kitti"), format!("{}.txt", entry.id));
-    put(&folder.join("label_02"), &name, text.as_bytes())?;
-    put(&folder.join("calib"), &name, calib(camera).as_bytes())
+    let folder = InnerPath::from(entry.split.name()).join("kitti");
+    let name = entry.id.with(".txt");
+    put(&options.output, &folder.join("label_02").join(&name), text.as_bytes())?;
+    put(&options.output, &folder.join("calib").join(&name), calib(camera).as_bytes())
 }
 
 /// The lines of a readout with frame and track before them. The tracking benchmark counts truncation in three steps.

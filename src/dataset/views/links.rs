@@ -3,89 +3,106 @@
 use std::fs;
 use std::io::Write as _;
 use std::os::unix::fs::MetadataExt as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::dataset::{DatasetOptions, Entry, Split};
 use crate::error::{Error, Result};
+use crate::inputs::{InnerPath, PlainName, read_bytes};
 use crate::simulate::{Sidecar, StreamFacts};
 use crate::storage::{steps, trees};
 
-/// What the labels of a sequence become for loaders.
-const LABEL_FOLDERS: [&str; 9] = [
-    "SPLIT/mot/ID",
-    "SPLIT/kitti/label_02/ID.txt",
-    "SPLIT/kitti/calib/ID.txt",
-    "spikecv/boxes/SPLIT/spike/ID",
-    "spikecv/boxes/SPLIT/boxes/ID",
-    "spikecv/depth/SPLIT/spike/ID",
-    "spikecv/depth/SPLIT/depth/ID",
-    "spikecv/flow/SPLIT/spike/ID",
-    "spikecv/flow/SPLIT/flow/ID",
-];
+/// What a sequence becomes for loaders, in the folder of its split.
+fn in_split(id: &PlainName) -> [InnerPath; 8] {
+    let at = |folder: &'static str, ending| InnerPath::from(folder).join(id.with(ending));
+    [
+        at("spike", ".dat"),
+        at("spike", ".json"),
+        at("clean", ".dat"),
+        at("clean", ".json"),
+        at("gt", ".png"),
+        at("mot", ""),
+        at("kitti/label_02", ".txt"),
+        at("kitti/calib", ".txt"),
+    ]
+}
+
+/// What the labels of a sequence become for SpikeCV, in the dataset's folder.
+fn in_spikecv(split: Split, id: &PlainName) -> impl Iterator<Item = InnerPath> {
+    ["boxes", "depth", "flow"].into_iter().flat_map(move |kind| {
+        let root = InnerPath::from("spikecv").join(kind).join(split.name());
+        [root.join("spike").join(id), root.join(kind).join(id)]
+    })
+}
 
 /// Puts the stream and the clear image of a sequence where loaders look.
 ///
 /// Hard links cost no space and look like files everywhere; where the disk has none, copies, whose number is returned.
 /// What is there already stays.
 pub(crate) fn place(options: &DatasetOptions, entry: &Entry) -> Result<u64> {
-    let sequence = entry.folder(&options.output);
-    let split = options.output.join(&entry.split);
-    let sidecar = Sidecar::read(&sequence.join("stream.json"))?;
+    let (root, access, id) = (&options.output, options.access(), &entry.id);
+    let sequence = entry.path().below(root, access)?;
+    let own = |name: &'static str| InnerPath::from(name).below(&sequence, access);
+    let split = InnerPath::from(entry.split.name());
+    let sidecar = Sidecar::read(&own("stream.json")?)?;
     let mut copied = 0;
     for (file, folder) in [("stream.dat", "spike"), ("stream.clean.dat", "clean")] {
-        let name = format!("{}.dat", entry.id);
-        copied += link(&sequence.join(file), &split.join(folder), &name)?;
+        let name = id.with(".dat");
+        let folder = split.join(folder);
+        copied += link(&own(file)?, root, &folder.join(&name))?;
         // Here each has a folder of its own, and its name.
-        let stream = StreamFacts { file: name, ..sidecar.facts(file).clone() };
+        let stream = StreamFacts { file: name.to_string(), ..sidecar.facts(file).clone() };
         let own = Sidecar { stream, clean: None, images: None, ..sidecar.clone() };
-        own.write(&split.join(folder).join(format!("{}.json", entry.id)), true)?;
+        own.write(&trees::prepare(root, &folder.join(id.with(".json")))?, true)?;
     }
-    copied += link(&sequence.join("gt.png"), &split.join("gt"), &format!("{}.png", entry.id))?;
+    copied += link(&own("gt.png")?, root, &split.join("gt").join(id.with(".png")))?;
     Ok(copied)
 }
 
 /// Removes what killed runs left in the dataset's own folders; nobody else may be at work there.
 pub(crate) fn clean(folder: &Path) -> Result<()> {
     trees::remove_partials(folder, |_| true)?;
-    trees::remove_partials(&folder.join("sequences"), |_| true)?;
-    for split in Split::ALL.map(Split::name) {
-        let split = folder.join(split);
-        trees::remove_partials(&split, |_| true)?;
+    trees::remove_partials_in(folder, &"sequences".into())?;
+    for split in Split::ALL.map(|split| InnerPath::from(split.name())) {
+        trees::remove_partials_in(folder, &split)?;
         for kind in ["spike", "clean", "gt"] {
-            trees::remove_partials(&split.join(kind), |_| true)?;
+            trees::remove_partials_in(folder, &split.join(kind))?;
         }
     }
     Ok(())
 }
 
 /// Takes a sequence out of them.
-pub(crate) fn displace(options: &DatasetOptions, id: &str) {
-    for split in Split::ALL.map(Split::name) {
-        for file in ["spike/ID.dat", "spike/ID.json", "clean/ID.dat", "clean/ID.json", "gt/ID.png"] {
-            // Most are not there; one that cannot be removed fails when it is placed again.
-            let _ = fs::remove_file(options.output.join(split).join(file.replace("ID", id)));
+pub(crate) fn displace(options: &DatasetOptions, id: &PlainName) -> Result<()> {
+    for split in Split::ALL {
+        for path in in_split(id) {
+            trees::remove(&options.output, &InnerPath::from(split.name()).join(path))?;
         }
-        for folder in LABEL_FOLDERS {
-            let place = options.output.join(folder.replace("SPLIT", split).replace("ID", id));
-            let _ = fs::remove_dir_all(&place).or_else(|_| fs::remove_file(&place));
+        for path in in_spikecv(split, id) {
+            trees::remove(&options.output, &path)?;
         }
     }
+    Ok(())
 }
 
-/// Gives a file another name in `folder`; returns 1 if that took a copy.
+/// Gives a file another name, `inner` below `root`; returns 1 if that took a copy.
 ///
 /// The hidden name follows from the name, so that the next attempt takes the place of one that was killed.
-pub(super) fn link(from: &Path, folder: &Path, name: &str) -> Result<u64> {
-    fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
-    let (to, hidden) = (folder.join(name), folder.join(format!(".{name}.partial")));
+pub(super) fn link(from: &Path, root: &Path, inner: &InnerPath) -> Result<u64> {
+    let to = trees::prepare(root, inner)?;
     if same(from, &to) {
         return Ok(0);
     }
+    let hidden = hidden(&to);
+    let io = |e| Error::io(to.display(), e);
+    // The file itself: a link to a link would break where the first one is relative.
+    let from = fs::canonicalize(from).map_err(|e| Error::io(from.display(), e))?;
     let _ = fs::remove_file(&hidden);
     let mut copied = 0;
-    if fs::hard_link(from, &hidden).is_err() {
-        fs::copy(from, &hidden).map_err(|e| Error::io(to.display(), e))?;
-        steps::sync_file(&fs::File::open(&hidden).map_err(|e| Error::io(to.display(), e))?, &hidden)?;
+    if fs::hard_link(&from, &hidden).is_err() {
+        let mut file = trees::create(&hidden)?;
+        let source = crate::inputs::InputFile::open(&from)?;
+        std::io::copy(&mut source.reader(), &mut file).map_err(io)?;
+        steps::sync_file(&file, &hidden)?;
         copied = 1;
     }
     // Renaming a link over another link to the same file does nothing and leaves both.
@@ -94,18 +111,23 @@ pub(super) fn link(from: &Path, folder: &Path, name: &str) -> Result<u64> {
     renamed.map(|()| copied)
 }
 
-/// Writes a small file in a folder that is made where it is missing; one with these bytes stays.
-pub(super) fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
-    let (to, hidden) = (folder.join(name), folder.join(format!(".{name}.partial")));
-    if fs::read(&to).is_ok_and(|found| found == bytes) {
+/// Writes a small file, `inner` below `root`; one with these bytes stays.
+pub(super) fn put(root: &Path, inner: &InnerPath, bytes: &[u8]) -> Result<()> {
+    let to = trees::prepare(root, inner)?;
+    if read_bytes(&to, "a file of the data set", bytes.len() as u64).is_ok_and(|found| found == bytes) {
         return Ok(());
     }
-    let io = |e| Error::io(to.display(), e);
-    fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
-    let mut file = fs::File::create(&hidden).map_err(io)?;
-    file.write_all(bytes).map_err(io)?;
+    let hidden = hidden(&to);
+    let mut file = trees::create(&hidden)?;
+    file.write_all(bytes).map_err(|e| Error::io(to.display(), e))?;
     steps::sync_file(&file, &hidden)?;
     steps::rename(&hidden, &to)
+}
+
+/// The hidden name of a file in the making, beside it.
+fn hidden(path: &Path) -> PathBuf {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!(".{name}.partial"))
 }
 
 /// Whether two names are of one file.

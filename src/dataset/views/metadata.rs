@@ -4,6 +4,7 @@ use serde_json::json;
 
 use crate::dataset::{DatasetOptions, Entry, Split};
 use crate::error::Result;
+use crate::inputs::InnerPath;
 use crate::report::with_known;
 use crate::storage::{self, trees};
 
@@ -35,11 +36,11 @@ impl Tables {
     pub(super) fn write(self, options: &DatasetOptions) -> Result<Vec<(Split, String)>> {
         let mut written = Vec::new();
         for (split, text) in Split::ALL.into_iter().zip(self.splits) {
-            let path = options.output.join(split.name()).join(NAME);
+            let path = InnerPath::from(split.name()).join(NAME);
             if text.is_empty() {
-                trees::remove(&path)?;
+                trees::remove(&options.output, &path)?;
             } else {
-                storage::write_small(&path, text.as_bytes(), true)?;
+                storage::write_small(&trees::prepare(&options.output, &path)?, text.as_bytes(), true)?;
                 written.push((split, text));
             }
         }

@@ -8,11 +8,9 @@ mod metadata;
 mod mot;
 mod spikecv;
 
-use std::fs;
-use std::path::{Path, PathBuf};
-
 use crate::dataset::{DatasetOptions, Entry, Split, Status, frames};
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::storage::trees;
 
 pub(super) use links::{clean, displace, place};
 pub(super) use spikecv::config;
@@ -20,6 +18,7 @@ pub(super) use spikecv::config;
 /// The tables over all sequences, in the making.
 pub(super) struct Views {
     tables: metadata::Tables,
+    /// Of each split, in the order of the type's variants.
     coco: [Option<coco::Merged>; 3],
 }
 
@@ -30,17 +29,17 @@ impl Views {
 
     /// Takes in a sequence that is done; returns how many files had to be copied.
     pub(super) fn add(&mut self, options: &DatasetOptions, entry: &Entry) -> Result<u64> {
-        let split = Split::ALL.iter().position(|s| s.name() == entry.split);
-        let (Some(split), Status::Done) = (split, entry.status) else { return Ok(0) };
+        if entry.status != Status::Done {
+            return Ok(0);
+        }
+        let split = entry.split as usize;
         self.tables.add(entry, split);
-        let sequence = entry.folder(&options.output);
-        let frames = frames::read(&sequence)?;
+        let frames = frames::read(&entry.path().below(&options.output, options.access())?, options.access())?;
         let Some(first) = frames.first() else { return Ok(0) };
-        let place = split_folder(options, split);
-        mot::write(&place, entry, options.camera.sensor.readout_hz, &frames)?;
-        kitti::write(&place, &sequence, entry, &first.camera, &frames)?;
+        mot::write(options, entry, &frames)?;
+        kitti::write(options, entry, &first.camera, &frames)?;
         if self.coco[split].is_none() {
-            self.coco[split] = Some(coco::Merged::begin(&place)?);
+            self.coco[split] = Some(coco::Merged::begin(&options.output, entry.split)?);
         }
         if let Some(merged) = &mut self.coco[split] {
             merged.add(options, entry)?;
@@ -50,24 +49,13 @@ impl Views {
 
     /// Writes what is written once, and describes it.
     pub(super) fn finish(self, options: &DatasetOptions, about: &str) -> Result<()> {
-        for (split, merged) in self.coco.into_iter().enumerate() {
+        for (split, merged) in Split::ALL.into_iter().zip(self.coco) {
             match merged {
                 Some(merged) => merged.finish()?,
-                None => remove(&split_folder(options, split).join(coco::NAME))?,
+                None => trees::remove(&options.output, &coco::path(split))?,
             }
         }
         let written = self.tables.write(options)?;
         croissant::write(options, &written, about)
-    }
-}
-
-fn split_folder(options: &DatasetOptions, split: usize) -> PathBuf {
-    options.output.join(Split::ALL[split].name())
-}
-
-fn remove(path: &Path) -> Result<()> {
-    match fs::remove_file(path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(path.display(), e)),
-        _ => Ok(()),
     }
 }

@@ -1,12 +1,12 @@
 //! Tracks as MOTChallenge's text: `SPLIT/mot/ID/gt/gt.txt` and `seqinfo.ini`.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
 use super::links::put;
-use crate::dataset::Entry;
 use crate::dataset::frames::LabelledFrame;
+use crate::dataset::{DatasetOptions, Entry};
 use crate::error::Result;
+use crate::inputs::InnerPath;
 
 /// MOT's class of cars; it has none for buses and trucks.
 const VEHICLE: u32 = 3;
@@ -34,22 +34,22 @@ pub(super) fn text(frames: &[LabelledFrame]) -> String {
     text
 }
 
-/// Writes both into the folder of a split.
-pub(super) fn write(split: &Path, entry: &Entry, readout_hz: f64, frames: &[LabelledFrame]) -> Result<()> {
-    let folder = split.join("mot").join(&entry.id);
-    put(&folder.join("gt"), "gt.txt", text(frames).as_bytes())?;
+/// Writes both into the folder of the split.
+pub(super) fn write(options: &DatasetOptions, entry: &Entry, frames: &[LabelledFrame]) -> Result<()> {
+    let folder = InnerPath::from(entry.split.name()).join("mot").join(&entry.id);
+    put(&options.output, &folder.join("gt/gt.txt"), text(frames).as_bytes())?;
     let Some(first) = frames.first() else { return Ok(()) };
     // Frames a second: labels are evenly spaced.
-    let every = frames.get(1).map_or(1, |next| (next.readout - first.readout).max(1));
+    let every = frames.get(1).map_or(1, |next| next.readout.saturating_sub(first.readout).max(1));
     let info = format!(
         "[Sequence]\nname={}\nimDir=img1\nframeRate={}\nseqLength={}\nimWidth={}\nimHeight={}\nimExt=.png\n",
         entry.id,
-        readout_hz / every as f64,
+        options.camera.sensor.readout_hz / every as f64,
         frames.len(),
         first.camera.width,
         first.camera.height
     );
-    put(&folder, "seqinfo.ini", info.as_bytes())
+    put(&options.output, &folder.join("seqinfo.ini"), info.as_bytes())
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use super::mot;
 use crate::dataset::frames::LabelledFrame;
 use crate::dataset::{DatasetOptions, Entry, Structure};
 use crate::error::Result;
+use crate::inputs::{InnerPath, PlainName};
 use crate::storage;
 
 /// Kinds of labels: the folder, SpikeCV's numbers, the ending.
@@ -40,24 +41,27 @@ pub(super) fn link_labels(options: &DatasetOptions, entry: &Entry, frames: &[Lab
     if options.structure != Structure::SpikeCv {
         return Ok(0);
     }
-    let (sequence, id) = (entry.folder(&options.output), &entry.id);
+    let (root, access, id) = (&options.output, options.access(), &entry.id);
+    let own = |file: InnerPath| entry.path().join(file).below(root, access);
     let mut copied = 0;
     for (kind, numbers, ending) in KINDS {
-        let root = options.output.join("spikecv").join(kind);
-        put(&root, "config.yaml", text(options, numbers, ending, kind).as_bytes())?;
-        let split = root.join(&entry.split);
-        copied += link(&sequence.join("stream.dat"), &split.join("spike").join(id), &format!("{id}.dat"))?;
+        let folder = InnerPath::from("spikecv").join(kind);
+        put(root, &folder.join("config.yaml"), text(options, numbers, ending, kind).as_bytes())?;
+        let split = folder.join(entry.split.name());
+        let stream = split.join("spike").join(id).join(id.with(".dat"));
+        copied += link(&own("stream.dat".into())?, root, &stream)?;
         let labels = split.join(kind).join(id);
         if kind == "boxes" {
-            put(&labels, &format!("{id}.txt"), mot::text(frames).as_bytes())?;
+            put(root, &labels.join(id.with(".txt")), mot::text(frames).as_bytes())?;
             continue;
         }
         // Forward flow leads to the next labelled readout, and the last has none.
         let (what, count) =
-            if kind == "flow" { ("forward.flo", frames.len() - 1) } else { ("depth.npy", frames.len()) };
+            if kind == "flow" { (".forward.flo", frames.len() - 1) } else { (".depth.npy", frames.len()) };
         for frame in &frames[..count] {
-            let from = sequence.join(format!("labels/{:06}.{what}", frame.readout));
-            copied += link(&from, &labels, &format!("{:06}.{ending}", frame.readout))?;
+            let name = PlainName::number(frame.readout, 6);
+            let from = own(InnerPath::from("labels").join(name.with(what)))?;
+            copied += link(&from, root, &labels.join(name.with(".").with(ending)))?;
         }
     }
     Ok(copied)

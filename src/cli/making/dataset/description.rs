@@ -163,6 +163,9 @@ pub(crate) struct Description {
     /// SPDX identifier under which you give the dataset on, such as CC-BY-4.0
     #[arg(hide_short_help = true, long, value_name = "SPDX")]
     pub(crate) licence: Option<String>,
+    /// Read files through links that leave the dataset's folder; without it they are refused
+    #[arg(hide_short_help = true, long)]
+    pub(crate) follow_links: bool,
     #[command(flatten)]
     pub(crate) threads: ThreadArgs,
 }
@@ -216,7 +219,7 @@ impl Description {
         let output = self.output.clone().unwrap_or_default();
         let threads = self.threads.number(out);
         if let Some(path) = &self.config {
-            return Ok(DatasetOptions { output, threads, ..config::read(path)? });
+            return Ok(DatasetOptions { output, threads, ..config::read(path, self.follow_links)? });
         }
         Ok(DatasetOptions {
             output,
@@ -237,6 +240,7 @@ impl Description {
             licence: self.licence.clone(),
             threads,
             resume: false,
+            follow_links: self.follow_links,
         })
     }
 
@@ -279,7 +283,7 @@ mod tests {
     #[test]
     fn every_flag_that_says_what_is_made_is_refused_beside_a_text_that_does() {
         let command = <Description as clap::Args>::augment_args(clap::Command::new("dataset"));
-        let beside = ["output", "config", "threads"];
+        let beside = ["output", "config", "threads", "follow_links"];
         let missing: Vec<&str> = command
             .get_arguments()
             .map(|arg| arg.get_id().as_str())

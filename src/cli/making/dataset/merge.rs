@@ -28,6 +28,9 @@ pub(crate) struct Args {
     /// Take no lock, where the file system has none and nobody else merges
     #[arg(long)]
     no_lock: bool,
+    /// Read files through links that leave the folder; without it they are refused
+    #[arg(long)]
+    follow_links: bool,
 }
 
 /// Runs the command.
@@ -35,7 +38,7 @@ pub(crate) struct Args {
 /// # Errors
 /// As [`shards::merge`]; [`Kind::Input`] at the end when sequences were set aside.
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
-    let plan = Plan::read(&args.folder)?;
+    let plan = Plan::read_with(&args.folder, args.follow_links)?;
     let stop = stop_flag()?;
     let mut bar = Files::new(out);
     let how = Merging { quick: args.quick, links: !args.no_links, lock: !args.no_lock };
@@ -43,7 +46,7 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
         if stop.load(Ordering::Relaxed) {
             return Err(Error::new(Kind::Requeue, "stopped on request").remedy("give the same command again"));
         }
-        bar.step(&plan.shard_name(shard), shard as f64 / of.max(1) as f64);
+        bar.step(plan.shard_name(shard).as_str(), shard as f64 / of.max(1) as f64);
         Ok(())
     });
     drop(bar);

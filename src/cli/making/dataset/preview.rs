@@ -10,6 +10,7 @@ use crate::cli::shared::picture::{around, bright, grey, spikes_picture};
 use crate::cli::shared::video::{Pictures, Video};
 use crate::dataset::{Entry, Manifest, Status};
 use crate::formats::Reader;
+use crate::inputs::{Access, InnerPath};
 use crate::reconstruct::tfp;
 use crate::spikes::Packed;
 use crate::{Error, Geometry, Kind, Result};
@@ -37,6 +38,9 @@ pub(crate) struct Args {
     /// Overwrite the video
     #[arg(long)]
     force: bool,
+    /// Read files through links that leave the folder; without it they are refused
+    #[arg(long)]
+    follow_links: bool,
 }
 
 /// Runs the command.
@@ -44,14 +48,16 @@ pub(crate) struct Args {
 /// # Errors
 /// [`Kind::Input`] for a dataset without finished sequences, or packed; [`Kind::Tool`] without ffmpeg; those of reading.
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
-    let manifest = Manifest::read(&args.folder)?;
+    let access = Access::reading(args.follow_links);
+    let manifest = Manifest::read_below(&args.folder, access)?;
     let done: Vec<&Entry> = manifest.entries.iter().filter(|e| e.status == Status::Done).collect();
     let shown = done.len().min(args.sequences as usize);
     let chosen = (0..shown).map(|i| done[i * done.len() / shown]);
     let mut video: Option<(Video, Geometry)> = None;
     for entry in chosen {
-        let folder = entry.unpacked(&args.folder)?;
-        let open = |file: &str| Reader::open(&folder.join(file), None, None);
+        let folder = entry.unpacked(&args.folder, access)?;
+        let open =
+            |file: &'static str| Reader::open(&InnerPath::from(file).below(&folder, access)?, None, None);
         let (noisy, clean) = (open("stream.dat")?, open("stream.clean.dat")?);
         let geometry = noisy.geometry();
         let (video, _) = match &mut video {
@@ -62,9 +68,10 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
                 video.insert((begun, geometry))
             }
         };
-        let moments = (args.moments as usize).min(noisy.readouts());
+        let readouts = noisy.readouts().min(clean.readouts());
+        let moments = (args.moments as usize).min(readouts);
         for moment in 0..moments {
-            let at = (2 * moment + 1) * noisy.readouts() / (2 * moments);
+            let at = ((2 * moment + 1) as u128 * readouts as u128 / (2 * moments) as u128) as usize;
             video.push(&row(&noisy, &clean, at)?)?;
         }
     }

@@ -34,6 +34,9 @@ pub(crate) struct Args {
     /// Take no lock, where the file system has none and the scheduler starts each shard once
     #[arg(long)]
     no_lock: bool,
+    /// Read files through links that leave the folder; without it they are refused
+    #[arg(long)]
+    follow_links: bool,
 }
 
 /// Runs the command.
@@ -41,7 +44,7 @@ pub(crate) struct Args {
 /// # Errors
 /// As [`shards::run`]; [`Kind::Requeue`] for a request to end.
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
-    let plan = Plan::read(&args.folder)?;
+    let plan = Plan::read_with(&args.folder, args.follow_links)?;
     let how = Running {
         threads: args.threads.number(out),
         verify: args.verify,

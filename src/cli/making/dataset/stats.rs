@@ -20,6 +20,9 @@ pub(crate) struct Args {
     /// Overwrite the page
     #[arg(long)]
     force: bool,
+    /// Read files through links that leave the folder; without it they are refused
+    #[arg(long)]
+    follow_links: bool,
 }
 
 /// Runs the command.
@@ -27,7 +30,7 @@ pub(crate) struct Args {
 /// # Errors
 /// As [`stats`]; [`Kind::Exists`] for a page that is there.
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
-    let found = stats(&args.folder)?;
+    let found = stats(&args.folder, args.follow_links)?;
     if let Some(path) = &args.report {
         let name = args.folder.file_name().unwrap_or_default().to_string_lossy();
         storage::write_small(path, html(&name, &found)?.as_bytes(), args.force)?;

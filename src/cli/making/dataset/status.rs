@@ -1,13 +1,15 @@
 //! `spikelane dataset status`.
 
 use std::path::PathBuf;
+use std::sync::atomic::Ordering;
 
 use serde_json::json;
 
-use crate::Result;
 use crate::cli::shared::output::Out;
+use crate::cli::shared::progress::stop_flag;
 use crate::dataset::shards::{self, Plan, Standing, numbers};
 use crate::report::with_known;
+use crate::{Error, Kind, Result};
 
 /// Say which shards are done, at work and missing
 #[derive(clap::Args, Clone, Debug)]
@@ -15,6 +17,9 @@ pub(crate) struct Args {
     /// Folder of the plan
     #[arg(value_name = "DIR")]
     folder: PathBuf,
+    /// Read files through links that leave the folder; without it they are refused
+    #[arg(long)]
+    follow_links: bool,
 }
 
 /// Runs the command.
@@ -22,7 +27,14 @@ pub(crate) struct Args {
 /// # Errors
 /// As [`shards::status`].
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
-    let standing = shards::status(&Plan::read(&args.folder)?)?;
+    let plan = Plan::read_with(&args.folder, args.follow_links)?;
+    let stop = stop_flag()?;
+    let standing = shards::status(&plan, &mut |_| {
+        if stop.load(Ordering::Relaxed) {
+            return Err(Error::new(Kind::Interrupted, "stopped on request"));
+        }
+        Ok(())
+    })?;
     let running: Vec<_> = standing
         .running
         .iter()

@@ -48,6 +48,9 @@ pub(crate) struct Args {
     /// Rate of light 1.0, which the clear image shows white [default: from the sidecar or the dataset]
     #[arg(long, value_name = "RATE")]
     pub(super) full: Option<f32>,
+    /// Read files of a dataset through links that leave its folder; without it they are refused
+    #[arg(long)]
+    pub(super) follow_links: bool,
 }
 
 impl Args {

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::cli::shared::output::Out;
 use crate::dataset::{Manifest, Record, Status};
+use crate::inputs::{Access, InnerPath};
 use crate::{Error, Kind, Result};
 use serde_json::{Value, json};
 
@@ -18,13 +19,14 @@ pub(super) fn run(args: &Args, out: &Out) -> Result<()> {
             .found("a dataset and --clear, --still, --at or --every")
             .expected("none of them: every sequence knows its clear image and its readout"));
     }
-    let manifest = Manifest::read(&args.file)?;
+    let access = Access::reading(args.follow_links);
+    let manifest = Manifest::read_below(&args.file, access)?;
     let done: Vec<_> = manifest.entries.iter().filter(|e| e.status == Status::Done).collect();
     let mut kinds = [("noisy", Vec::<Vec<Picture>>::new()), ("clean", Vec::new())];
     for entry in &done {
-        let folder = entry.unpacked(&args.file)?;
+        let folder = entry.unpacked(&args.file, access)?;
         for ((kind, all), file) in kinds.iter_mut().zip(["stream.dat", "stream.clean.dat"]) {
-            let (pictures, truth) = sequence(args, &folder, file, out)?;
+            let (pictures, truth) = sequence(args, &folder, access, file, out)?;
             out.event(&json!({
                 "sequence": entry.id, "split": entry.split, "stream": *kind, "clear": truth.json(),
                 "pictures": pictures.iter().map(Picture::json).collect::<Vec<_>>(),
@@ -42,11 +44,17 @@ pub(super) fn run(args: &Args, out: &Out) -> Result<()> {
     if out.json() { Ok(()) } else { out.result(&Value::Null, &text) }
 }
 
-fn sequence(args: &Args, folder: &Path, file: &str, out: &Out) -> Result<(Vec<Picture>, Truth)> {
-    let stream = folder.join(file);
-    let record = Record::read(folder)?;
+fn sequence(
+    args: &Args,
+    folder: &Path,
+    access: Access,
+    file: &'static str,
+    out: &Out,
+) -> Result<(Vec<Picture>, Truth)> {
+    let stream = InnerPath::from(file).below(folder, access)?;
+    let record = Record::read_below(folder, access)?;
     let reader = args.stream.open(&stream, out)?;
     let at = record.about["clear_readout"].as_u64().map_or(reader.readouts() / 2, |at| at as usize);
-    let truth = args.truth(&stream, &folder.join("clear.png"), &reader)?;
+    let truth = args.truth(&stream, &InnerPath::from("clear.png").below(folder, access)?, &reader)?;
     Ok((pictures(&args.wanted, &reader, at, Beside::Clear(&truth))?, truth))
 }
