@@ -123,8 +123,14 @@ impl Error {
     }
 
     /// The operating system's refusal of something about `subject`.
+    ///
+    /// An error of this crate that went through a reader comes out as it was.
     #[must_use]
     pub fn io(subject: impl fmt::Display, source: std::io::Error) -> Self {
+        let source = match source.downcast::<Self>() {
+            Ok(error) => return error,
+            Err(source) => source,
+        };
         let kind = match source.kind() {
             std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => Kind::Space,
             std::io::ErrorKind::AlreadyExists => Kind::Exists,

@@ -15,8 +15,8 @@ use graph::Graph;
 /// Rooms from the ground up; rooms on one line do not see each other.
 const HOUSE: &[&[&str]] = &[
     &["error", "setters"],
-    &["units", "interpolation", "npy", "inputs"],
-    &["draws", "spikes", "pixel"],
+    &["units", "interpolation", "inputs"],
+    &["draws", "spikes", "pixel", "npy"],
     &["sensor"],
     &["effects"],
     &["plan", "presets"],

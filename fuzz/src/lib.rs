@@ -1,8 +1,17 @@
-//! What the targets of the stream formats share: slow, obvious oracles.
+//! What the targets share: a folder of their own, and slow, obvious oracles of the stream formats.
+
+use std::path::PathBuf;
 
 use spikelane::formats::{Layout, Reader};
 use spikelane::spikes::bit;
 use spikelane::{Geometry, Kind};
+
+/// Makes a folder for the files of a target, which is this process's alone.
+pub fn folder(name: &str) -> PathBuf {
+    let folder = std::env::temp_dir().join(format!("spikelane-fuzz-{name}-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a temporary folder");
+    folder
+}
 
 /// Splits off a small geometry, so that frames of many shapes fit a few bytes.
 pub fn geometry(data: &[u8]) -> Option<(Geometry, &[u8])> {

@@ -4,7 +4,8 @@
 //! chance: at least four bytes and what else the format fixes. Marks below eight bytes, and text, give way
 //! to a layout that the caller names.
 
-use crate::error::{Error, Kind};
+use super::source::Source;
+use crate::error::{Error, Kind, Result};
 
 /// What a file is instead, and what to do with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,8 +69,17 @@ const MARKS: &[(usize, &[u8], &str, &str)] = &[
     (0, b"ARROW1\0\0", "an Arrow table", "convert it to a NumPy array first"),
 ];
 
-/// What `bytes` are when they are a known container; NumPy's own two are the reader's business.
-pub(super) fn of(bytes: &[u8]) -> Option<Container> {
+/// Returns what a file is when it is a known container; NumPy's own two are the reader's business.
+///
+/// # Errors
+/// Those of reading its first and last bytes.
+pub(super) fn of(source: &Source) -> Result<Option<Container>> {
+    let last = source.bytes(source.len().saturating_sub(1)..source.len())?;
+    Ok(by_marks(&source.head()?, last.first().copied(), source.len()))
+}
+
+/// Returns what a file of `len` bytes is that begins with `bytes` and ends with `last`.
+fn by_marks(bytes: &[u8], last: Option<u8>, len: usize) -> Option<Container> {
     let at = |offset: usize, mark: &[u8]| bytes.get(offset..).is_some_and(|b| b.starts_with(mark));
     let found = |name, remedy, sure| Some(Container { name, remedy, sure });
     if let Some(&(_, mark, name, remedy)) = MARKS.iter().find(|(offset, mark, ..)| at(*offset, mark)) {
@@ -83,7 +93,7 @@ pub(super) fn of(bytes: &[u8]) -> Option<Container> {
         let field = bytes.get(offset..offset + 4)?;
         Some(field.iter().rev().fold(0, |n, b| n << 8 | u64::from(*b)))
     };
-    let holds = |n: u64| n.abs_diff(bytes.len() as u64) <= 1024;
+    let holds = |n: u64| n.abs_diff(len as u64) <= 1024;
     if at(0, b"RIFF") && at(8, b"AVI ") {
         return found("an AVI video", LIGHT, true);
     }
@@ -103,14 +113,10 @@ pub(super) fn of(bytes: &[u8]) -> Option<Container> {
     {
         return found("a gzip archive", UNPACK, false);
     }
-    if at(0, b"\x80")
-        && bytes.get(1).is_some_and(|v| (2..=5).contains(v))
-        && bytes.last() == Some(&b'.')
-        && bytes.len() > 8
-    {
+    if at(0, b"\x80") && bytes.get(1).is_some_and(|v| (2..=5).contains(v)) && last == Some(b'.') && len > 8 {
         return found("a Python pickle", "load it in Python and save the array with numpy.save", false);
     }
-    if is_transport_stream(bytes) {
+    if is_transport_stream(bytes, len) {
         return found("an MPEG transport stream", LIGHT, false);
     }
     if at(0, b"% ") && bytes.iter().take(512).position(|&b| b == b'\n').is_some_and(|n| is_text(&bytes[..n]))
@@ -121,11 +127,11 @@ pub(super) fn of(bytes: &[u8]) -> Option<Container> {
 }
 
 /// Packets of 188 bytes that begin with their mark, without the flag of an error.
-fn is_transport_stream(bytes: &[u8]) -> bool {
+fn is_transport_stream(bytes: &[u8], len: usize) -> bool {
     const PACKET: usize = 188;
-    bytes.len() >= 8 * PACKET
-        && bytes.len().is_multiple_of(PACKET)
-        && bytes.chunks(PACKET).take(64).all(|p| p[0] == 0x47 && p[1] & 0x80 == 0 && p[3] & 0x30 != 0)
+    len >= 8 * PACKET
+        && len.is_multiple_of(PACKET)
+        && bytes.chunks_exact(PACKET).take(64).all(|p| p[0] == 0x47 && p[1] & 0x80 == 0 && p[3] & 0x30 != 0)
 }
 
 fn is_text(bytes: &[u8]) -> bool {
@@ -171,6 +177,10 @@ impl Container {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn of(bytes: &[u8]) -> Option<Container> {
+        super::of(&Source::Memory(bytes.to_vec())).unwrap()
+    }
 
     #[test]
     fn containers_are_known_by_their_first_bytes() {

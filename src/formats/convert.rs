@@ -101,7 +101,6 @@ fn read(
     let all = if crop.is_some() { &mut *whole } else { &mut *frames };
     all.resize(readouts.len() * size, 0);
     reader.read_frames(readouts.start, all)?;
-    reader.release(readouts.clone());
     if let Some((crop, to)) = crop {
         frames.resize(readouts.len() * to.frame_bytes(), 0);
         let pairs = whole.chunks_exact(size).zip(frames.chunks_exact_mut(to.frame_bytes()));

@@ -4,36 +4,43 @@ use std::ops::Range;
 
 use super::reader::Reader;
 use crate::error::Result;
+use crate::inputs;
 
-/// How far [`Frames`] reads before it gives memory back.
-const RELEASE: usize = 16 << 20;
+/// Bytes of packed frames that [`Frames`] reads at a time.
+const BLOCK: usize = 256 << 10;
 
 /// The frames of a range of readouts; see [`Reader::frames`].
 #[derive(Debug)]
 pub struct Frames<'a> {
     reader: &'a Reader,
-    frame: Vec<u8>,
-    released: usize,
+    /// Packed frames of the readouts `first..next`, and room for more.
+    block: Vec<u8>,
+    first: usize,
+    read: usize,
     next: usize,
     end: usize,
 }
 
 impl Frames<'_> {
-    /// The next packed frame, `None` behind the last.
+    /// The next packed frame, `None` behind the last. An error is that of the next frame or of one soon behind it.
     ///
     /// Not an [`Iterator`]: the frame lives until the next call, so none is allocated.
     pub fn next_frame(&mut self) -> Option<Result<&[u8]>> {
         if self.next >= self.end {
             return None;
         }
-        let result = self.reader.read_frame(self.next, &mut self.frame);
-        self.next += 1;
-        let passed = (self.next - self.released) * self.reader.codec().frame_bytes();
-        if passed >= RELEASE {
-            self.reader.release(self.released..self.next);
-            self.released = self.next;
+        let size = self.reader.geometry().frame_bytes();
+        if self.next == self.read {
+            let count = (self.block.len() / size).min(self.end - self.next);
+            (self.first, self.read) = (self.next, self.next + count);
+            if let Err(e) = self.reader.read_frames(self.first, &mut self.block[..count * size]) {
+                self.next = self.end;
+                return Some(Err(e));
+            }
         }
-        Some(result.map(|()| self.frame.as_slice()))
+        let at = (self.next - self.first) * size;
+        self.next += 1;
+        Some(Ok(&self.block[at..at + size]))
     }
 }
 
@@ -41,15 +48,14 @@ impl Reader {
     /// The frames of `readouts`, one at a time, in constant memory.
     ///
     /// # Errors
-    /// [`Kind::Usage`](crate::Kind::Usage) when they are not all in the stream.
+    /// [`Kind::Usage`](crate::Kind::Usage) when they are not all in the stream, [`Kind::Memory`](crate::Kind::Memory) when
+    /// there is no room for one of them.
     pub fn frames(&self, readouts: Range<usize>) -> Result<Frames<'_>> {
         self.check(&readouts)?;
-        Ok(Frames {
-            reader: self,
-            frame: vec![0; self.geometry().frame_bytes()],
-            released: readouts.start,
-            next: readouts.start,
-            end: readouts.end,
-        })
+        let size = self.geometry().frame_bytes();
+        let count = (BLOCK / size).max(1).min(readouts.len());
+        let block = inputs::zeroed(self.name(), count * size)?;
+        let Range { start, end } = readouts;
+        Ok(Frames { reader: self, block, first: start, read: start, next: start, end })
     }
 }

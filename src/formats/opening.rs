@@ -1,5 +1,6 @@
 //! What is known of a stream before it is opened, and how the rest is found out.
 
+use std::io::{Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Kind, Result};
@@ -11,7 +12,6 @@ use crate::formats::source::{Place, Source};
 use crate::formats::{Codec, Layout, container, dataset_config, readings, sidecar, size};
 use crate::npy;
 use crate::spikes::Geometry;
-use crate::storage::Map;
 
 /// How a stream is to be opened; what is `None` is found out.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -78,21 +78,22 @@ impl Opening {
     /// [`Kind::Usage`] when nothing tells the geometry or the order of axes, [`Kind::Config`] when the sidecar
     /// is needed and broken, [`Kind::Io`] when the file cannot be read.
     pub fn open(&self, path: &Path) -> Result<Reader> {
-        let map = Map::open(path)?;
+        let source = Source::open(path)?;
+        let head = source.head()?;
         let tells = |l: Layout| l.fixed_geometry().is_some() || l == Layout::NpyBytes;
         let known = self.layout.is_some() && (self.geometry.is_some() || self.layout.is_some_and(tells));
         // Named in full, a stream needs no sidecar; one that can be read is still a witness.
         let facts = if known { sidecar::beside(path).unwrap_or_default() } else { sidecar::beside(path)? };
         let named = self.geometry.is_some() || facts.geometry.is_some() || self.layout.is_some_and(tells);
-        let above = if named || is_array(&map) {
+        let above = if named || is_array(&head) {
             None
-        } else if map.starts_with(layouts::ARCHIVE_MAGIC) {
+        } else if head.starts_with(layouts::ARCHIVE_MAGIC) {
             // An archive may do without.
             dataset_config::above(path).unwrap_or_default()
         } else {
             dataset_config::above(path)?
         };
-        let source = Source::Map(map);
+        drop(head);
         Builder { opening: self, name: path.display().to_string(), facts, above }.build(source)
     }
 
@@ -103,7 +104,7 @@ impl Opening {
     #[cfg(feature = "cli")]
     pub(crate) fn open_written(&self, path: &Path) -> Result<Reader> {
         let (facts, above) = (Facts::default(), None);
-        let source = Source::Map(Map::open(path)?);
+        let source = Source::open(path)?;
         Builder { opening: self, name: path.display().to_string(), facts, above }.build(source)
     }
 
@@ -128,28 +129,28 @@ struct Builder<'a> {
 impl Builder<'_> {
     fn build(self, source: Source) -> Result<Reader> {
         let wanted = self.opening.layout.or(self.facts.layout);
-        if let Some(found) = container::of(&source)
+        let head = source.head()?;
+        if let Some(found) = container::of(&source)?
             && (wanted.is_none() || found.outweighs_a_name())
         {
             return Err(found.refusal(&self.name));
         }
         let arrays = wanted.is_none_or(Layout::is_array);
-        if let Some(key) = self.opening.key.as_ref().filter(|_| !source.starts_with(layouts::ARCHIVE_MAGIC)) {
+        if let Some(key) = self.opening.key.as_ref().filter(|_| !head.starts_with(layouts::ARCHIVE_MAGIC)) {
             return Err(Error::new(Kind::Usage, &self.name)
                 .found(format_args!("the name of an array, '{key}', for what is no archive"))
                 .expected("an .npz")
                 .remedy("leave the name (--key) out"));
         }
-        let mut reader = if arrays && source.starts_with(layouts::ARCHIVE_MAGIC) {
+        let is_npz = head.starts_with(layouts::ARCHIVE_MAGIC);
+        let (is_npy, begins_as_npy) = (is_array(&head), head.starts_with(npy::MAGIC));
+        drop(head);
+        let mut reader = if arrays && is_npz {
             self.archive(&source)
-        } else if wanted.map_or(source.starts_with(npy::MAGIC), Layout::is_array) {
+        } else if wanted.map_or(begins_as_npy, Layout::is_array) {
             self.array(source, wanted)
-        } else if is_array(&source) || is_archive(&source) {
-            let what = if is_array(&source) {
-                "a NumPy array, with a header"
-            } else {
-                "a zip archive, such as .npz"
-            };
+        } else if is_npy || is_npz && ends_as_archive(&source)? {
+            let what = if is_npy { "a NumPy array, with a header" } else { "a zip archive, such as .npz" };
             Err(Error::new(Kind::Input, &self.name)
                 .found(what)
                 .expected(format_args!("a headerless file of layout {}", wanted.unwrap_or_default()))
@@ -214,8 +215,8 @@ impl Builder<'_> {
     }
 
     fn rows1024(&self, source: Source, codec: Codec, origin: Origin) -> Result<Reader> {
-        let found =
-            layouts::find_rows1024(&source).ok_or_else(|| no_frame(&self.name, &codec, source.len()))?;
+        let found = layouts::find_rows1024(&source, source.len())?
+            .ok_or_else(|| no_frame(&self.name, &codec, source.len()))?;
         let numbers: Vec<usize> =
             found.frames.iter().enumerate().filter(|(_, f)| f.is_none()).map(|(i, _)| i).collect();
         let mut frames = found.frames;
@@ -231,7 +232,7 @@ impl Builder<'_> {
     }
 
     fn array(&self, source: Source, wanted: Option<Layout>) -> Result<Reader> {
-        let array = layouts::parse(&self.name, &source)?;
+        let array = layouts::parse(&self.name, &source.head()?)?;
         let known = self.opening.geometry.or(self.facts.geometry);
         let origin = match (self.opening.geometry, &self.facts.path) {
             (Some(_), _) => Origin::Given,
@@ -252,12 +253,12 @@ impl Builder<'_> {
                 .expected(format_args!("{claims}, at least one frame, for its shape {:?}", array.shape))
                 .remedy("the file was cut short or is still being written"));
         }
-        if layout == Layout::NpyBytes && wanted.is_none() {
-            readings::refuse_packed(&self.name, &source[array.start..], codec, readouts as usize)?;
-        }
         let trailing = data - readouts as usize * codec.frame_bytes();
         let mut reader = Reader::new(source, &self.name, layout, codec, readouts as usize, origin);
         reader.place = Place::Even(array.start);
+        if layout == Layout::NpyBytes && wanted.is_none() {
+            readings::refuse_packed(&reader)?;
+        }
         reader.cut(0, trailing);
         if claims > data as u64 {
             reader.warn(format!(
@@ -269,7 +270,7 @@ impl Builder<'_> {
     }
 
     /// An array that has to be held in memory.
-    fn packed(&self, source: &[u8], array: &Array, meaning: Meaning, origin: Origin) -> Result<Reader> {
+    fn packed(&self, source: &Source, array: &Array, meaning: Meaning, origin: Origin) -> Result<Reader> {
         let axes = if let Meaning::Packed(axes) = meaning { axes } else { Axes::First };
         if array.data_bytes().is_none_or(|n| n != (source.len() - array.start) as u64) {
             return Err(Error::new(Kind::Input, &self.name)
@@ -277,11 +278,14 @@ impl Builder<'_> {
                 .expected(format_args!("those of its shape {:?} of {}", array.shape, array.element))
                 .remedy("the file was cut short or is still being written"));
         }
-        let packing = layouts::pack(&self.name, array, axes, &mut &source[array.start..])?;
+        let mut data = source.reader();
+        let skipped = data.seek(SeekFrom::Start(array.start as u64));
+        skipped.map_err(|e| Error::io(&self.name, e))?;
+        let packing = layouts::pack(&self.name, array, axes, &mut data)?;
         self.memory(packing, origin)
     }
 
-    fn archive(&self, bytes: &[u8]) -> Result<Reader> {
+    fn archive(&self, source: &Source) -> Result<Reader> {
         let known = self.opening.geometry.or(self.facts.geometry);
         let above = self.above.as_ref().map(|(g, _)| *g);
         let entry = |geometry| Entry {
@@ -291,13 +295,13 @@ impl Builder<'_> {
         };
         // A configuration above is about the data set's own files, so it may fit or not.
         let (read, origin) = match above.filter(|_| known.is_none()) {
-            Some(g) => match layouts::read_archive(&self.name, bytes, entry(Some(g))) {
+            Some(g) => match layouts::read_archive(&self.name, source, entry(Some(g))) {
                 Ok(read) => (Ok(read), self.size(Layout::Dat).map(|s| s.1)),
-                Err(_) => (layouts::read_archive(&self.name, bytes, entry(None)), None),
+                Err(_) => (layouts::read_archive(&self.name, source, entry(None)), None),
             },
             None => {
                 let origin = self.size(Layout::Dat).map(|s| s.1);
-                (layouts::read_archive(&self.name, bytes, entry(known)), origin)
+                (layouts::read_archive(&self.name, source, entry(known)), origin)
             }
         };
         let (packing, key) = read?;
@@ -317,16 +321,16 @@ impl Builder<'_> {
     }
 }
 
-fn is_array(source: &[u8]) -> bool {
-    source.starts_with(npy::MAGIC)
-        && source.get(6).is_some_and(|v| (1..=3).contains(v))
-        && source.get(7) == Some(&0)
+fn is_array(head: &[u8]) -> bool {
+    head.starts_with(npy::MAGIC)
+        && head.get(6).is_some_and(|v| (1..=3).contains(v))
+        && head.get(7) == Some(&0)
 }
 
-/// Whether it begins and ends as archives do.
-fn is_archive(source: &[u8]) -> bool {
-    let tail = &source[source.len().saturating_sub(22 + 0xffff)..];
-    source.starts_with(layouts::ARCHIVE_MAGIC) && tail.windows(4).any(|w| w == b"PK\x05\x06")
+/// Whether it ends as archives do.
+fn ends_as_archive(source: &Source) -> Result<bool> {
+    let tail = source.bytes(source.len().saturating_sub(22 + 0xffff)..source.len())?;
+    Ok(tail.windows(4).any(|w| w == b"PK\x05\x06"))
 }
 
 fn no_frame(name: &str, codec: &Codec, bytes: usize) -> Error {

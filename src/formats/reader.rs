@@ -3,10 +3,10 @@
 use std::ops::Range;
 
 use super::origin::{Lost, Origin};
-use super::source::{Place, Source};
+use super::source::{BLOCK, Buffers, Place, Source};
 use crate::error::{Error, Kind, Result};
 use crate::formats::{Codec, Layout};
-use crate::spikes::{Geometry, Packed};
+use crate::spikes::Geometry;
 
 /// Numbers of lost readouts that a warning lists.
 const LISTED: usize = 12;
@@ -15,6 +15,7 @@ const LISTED: usize = 12;
 #[derive(Debug)]
 pub struct Reader {
     pub(super) source: Source,
+    buffers: Buffers,
     name: String,
     layout: Layout,
     codec: Codec,
@@ -41,6 +42,7 @@ impl Reader {
     ) -> Self {
         Self {
             source,
+            buffers: Buffers::default(),
             name: name.to_owned(),
             layout,
             codec,
@@ -179,42 +181,65 @@ impl Reader {
         let end = first.saturating_add(packed.len() / size);
         self.check(&(first..end))?;
         let within = |e: Error, readout| e.within(format_args!("{} from readout {readout} on", self.name));
-        let Place::Each(frames) = &self.place else {
-            let file = self.file_range(first..end)?;
-            return self.codec.decode(&self.source[file], packed).map_err(|e| within(e, first));
-        };
-        let bytes = self.codec.frame_bytes();
         if !packed.len().is_multiple_of(size) {
             return self.codec.decode(&[], packed);
         }
-        for (readout, packed) in (first..end).zip(packed.chunks_exact_mut(size)) {
-            match frames[readout] {
-                Some(at) => {
-                    let file = &self.source[at..at + bytes];
-                    self.codec.decode(file, packed).map_err(|e| within(e, readout))?;
+        if let (Place::Even(start), true) = (&self.place, self.codec.is_identity()) {
+            return self.source.read(start + first * size, packed);
+        }
+        self.stored(first..end, |readout, file| {
+            let count = file.map_or(1, |file| file.len() / self.codec.frame_bytes());
+            let packed = &mut packed[(readout - first) * size..][..count * size];
+            match file {
+                Some(file) => self.codec.decode(file, packed).map_err(|e| within(e, readout)),
+                None => {
+                    packed.fill(0);
+                    Ok(())
                 }
-                None => packed.fill(0),
+            }
+        })
+    }
+
+    /// Hands the bytes of `readouts`, as the file has them, to `take`: several frames at a time with the number of the
+    /// first, and `None` for a lost one.
+    pub(super) fn stored(
+        &self,
+        readouts: Range<usize>,
+        mut take: impl FnMut(usize, Option<&[u8]>) -> Result<()>,
+    ) -> Result<()> {
+        self.check(&readouts)?;
+        let bytes = self.codec.frame_bytes();
+        match &self.place {
+            Place::Even(start) => {
+                let file = start + readouts.start * bytes..start + readouts.end * bytes;
+                self.pieces(file, bytes, |at, file| take((at - start) / bytes, Some(file)))
+            }
+            Place::Each(frames) => {
+                readouts.clone().zip(&frames[readouts]).try_for_each(|(readout, at)| match at {
+                    Some(at) => self.pieces(*at..at + bytes, bytes, |_, file| take(readout, Some(file))),
+                    None => take(readout, None),
+                })
             }
         }
-        Ok(())
     }
 
-    /// The packed frames themselves, without a copy, when the file has them as memory
-    /// does (`dat-top` and archives of whole bytes, `npy-bits` of whole rows).
-    #[must_use]
-    pub fn packed(&self, readouts: Range<usize>) -> Option<Packed<'_>> {
-        if !self.codec.is_identity() {
-            return None;
-        }
-        let range = self.file_range(readouts).ok()?;
-        Packed::new(self.geometry(), &self.source[range]).ok()
-    }
-
-    /// Lets go of the memory behind these readouts; reading them again is allowed.
-    pub fn release(&self, readouts: Range<usize>) {
-        if let (Source::Map(map), Ok(range)) = (&self.source, self.file_range(readouts)) {
-            map.release(range);
-        }
+    /// Hands the bytes of `file`, whole frames of `bytes` bytes, to `take`: several frames at a time with the place of the
+    /// first.
+    pub(super) fn pieces(
+        &self,
+        file: Range<usize>,
+        bytes: usize,
+        mut take: impl FnMut(usize, &[u8]) -> Result<()>,
+    ) -> Result<()> {
+        let step = (BLOCK / bytes).max(1) * bytes;
+        self.buffers.with(step.min(file.len()), |buffer| {
+            for at in file.clone().step_by(step) {
+                let piece = &mut buffer[..step.min(file.end - at)];
+                self.source.read(at, piece)?;
+                take(at, piece)?;
+            }
+            Ok(())
+        })
     }
 
     pub(super) fn check(&self, readouts: &Range<usize>) -> Result<()> {
@@ -224,28 +249,5 @@ impl Reader {
                 .expected(format_args!("a range within 0..{}", self.readouts)));
         }
         Ok(())
-    }
-
-    /// The bytes of the file that hold these readouts, and nothing else where all are there.
-    fn file_range(&self, readouts: Range<usize>) -> Result<Range<usize>> {
-        self.check(&readouts)?;
-        let bytes = self.codec.frame_bytes();
-        Ok(match &self.place {
-            Place::Even(start) => start + readouts.start * bytes..start + readouts.end * bytes,
-            Place::Each(frames) => {
-                let mut there = frames[readouts].iter().flatten();
-                let first = there.next().copied().unwrap_or(0);
-                first..there.next_back().map_or(first, |last| last + bytes)
-            }
-        })
-    }
-
-    /// The bytes of one frame in the file; `None` for a lost one, or beyond the end.
-    pub(super) fn frame(&self, readout: usize) -> Option<&[u8]> {
-        let at = match &self.place {
-            Place::Even(start) => start + readout * self.codec.frame_bytes(),
-            Place::Each(frames) => (*frames.get(readout)?)?,
-        };
-        self.source.get(at..at + self.codec.frame_bytes())
     }
 }

@@ -5,11 +5,10 @@
 //! reading, by 0.3 and less under a wrong one. Flat and dark recordings have no such sign; so readings are
 //! compared with each other, and one is accused only when another is clearly better.
 
-use std::borrow::Cow;
-
 use crate::error::{Error, Kind, Result};
 use crate::formats::layouts::{self, Axes};
 use crate::formats::{Codec, Layout, Origin, Reader, size};
+use crate::inputs;
 use crate::spikes::{Geometry, bit};
 
 mod map;
@@ -112,9 +111,11 @@ impl Readings {
 
 impl Reader {
     /// Compares the way this stream is read with others that its bytes allow, by 64 readouts from its middle.
-    #[must_use]
-    pub fn readings(&self) -> Readings {
-        let map = self.map();
+    ///
+    /// # Errors
+    /// [`Kind::Input`] when the file was shortened since it was opened, [`Kind::Io`] when it cannot be read.
+    pub fn readings(&self) -> Result<Readings> {
+        let map = self.map()?;
         let rows = map.rows();
         let given = Reading {
             layout: self.layout(),
@@ -126,9 +127,9 @@ impl Reader {
         let mut found: Vec<(Reading, bool)> = Vec::new();
         if self.is_headerless() {
             self.shapes(&map, &given, &mut found);
-            self.cameras(&given, &mut found);
+            self.cameras(&given, &mut found)?;
         } else if self.layout() == Layout::NpyBytes {
-            found.extend(self.turned(&given, &map));
+            found.extend(self.turned(&given, &map)?);
         }
         found.sort_by(|a, b| b.0.rows.unwrap_or(-1.0).total_cmp(&a.0.rows.unwrap_or(-1.0)));
         let mut better = found.iter().find(|(_, better)| *better).map(|(reading, _)| *reading);
@@ -137,31 +138,37 @@ impl Reader {
             better = turned;
         }
         let others = found.into_iter().map(|(reading, _)| reading).take(LISTED);
-        Readings { given, others: others.chain(turned).collect(), better }
+        Ok(Readings { given, others: others.chain(turned).collect(), better })
     }
 
     fn is_headerless(&self) -> bool {
         !self.layout().is_array()
     }
 
-    /// Up to 64 frames from the middle, as the file has them.
-    fn sample(&self) -> impl Iterator<Item = Cow<'_, [u8]>> {
+    /// Hands up to 64 frames from the middle to `take`, as the file has them.
+    fn sample(&self, mut take: impl FnMut(&[u8])) -> Result<()> {
         let count = READOUTS.min(self.readouts());
         let first = (self.readouts() - count) / 2;
-        (first..first + count).filter_map(|i| self.frame(i)).map(|frame| ordered(self.layout(), frame))
+        self.stored(first..first + count, |_, frames| {
+            frames.into_iter().flat_map(|f| f.chunks_exact(self.codec().frame_bytes())).for_each(&mut take);
+            Ok(())
+        })
     }
 
     /// The rate map of the sample.
-    fn map(&self) -> Map {
+    fn map(&self) -> Result<Map> {
         let (codec, geometry) = (self.codec(), self.geometry());
         if self.layout() == Layout::NpyBytes && codec.layout() == Layout::NpyBytes {
-            let mut counts = vec![0; geometry.pixels()];
-            for frame in self.sample() {
-                counts.iter_mut().zip(frame.iter()).for_each(|(n, b)| *n += u8::from(*b != 0));
-            }
-            return Map::plain(counts, geometry.width());
+            let mut counts = inputs::zeroed(self.name(), geometry.pixels())?;
+            self.sample(|frame| counts.iter_mut().zip(frame).for_each(|(n, b)| *n += u8::from(*b != 0)))?;
+            return Ok(Map::plain(counts, geometry.width()));
         }
-        Map::of(codec, Bits::count(self.sample(), codec.frame_bytes()))
+        let mut bits = Bits::new(codec.frame_bytes())?;
+        let is_msb = self.layout().is_msb();
+        // The lowest bit first.
+        let ordered = |b: &u8| if is_msb { b.reverse_bits() } else { *b };
+        self.sample(|frame| bits.add(frame.iter().map(ordered)))?;
+        Ok(Map::of(codec, bits))
     }
 
     /// The same frames with other sides.
@@ -186,7 +193,7 @@ impl Reader {
     }
 
     /// The cameras whose frames have other lengths.
-    fn cameras(&self, given: &Reading, found: &mut Vec<(Reading, bool)>) {
+    fn cameras(&self, given: &Reading, found: &mut Vec<(Reading, bool)>) -> Result<()> {
         for (width, height, layout) in size::KNOWN {
             let Ok(geometry) = Geometry::new(width, height) else { continue };
             let Ok(codec) = Codec::new(layout, geometry) else { continue };
@@ -194,48 +201,60 @@ impl Reader {
             if (layout, geometry) == (given.layout, given.geometry) || same {
                 continue;
             }
-            let bytes = &self.source[..];
+            let (len, frame) = (self.source.len(), codec.frame_bytes());
             let (place, readouts) = if layout == Layout::Rows1024 {
-                let head = &bytes[..bytes.len().min(4 * codec.frame_bytes())];
-                let Some(start) = layouts::find_rows1024(head).map(|f| f.leading) else { continue };
-                (start, (bytes.len() - start) / codec.frame_bytes())
+                let head = len.min(4 * frame);
+                let Some(start) = layouts::find_rows1024(&self.source, head)?.map(|f| f.leading) else {
+                    continue;
+                };
+                (start, (len - start) / frame)
             } else {
-                (0, bytes.len() / codec.frame_bytes())
+                (0, len / frame)
             };
             let count = READOUTS.min(readouts);
-            let start = place + (readouts - count) / 2 * codec.frame_bytes();
-            let frames = bytes[start..].chunks_exact(codec.frame_bytes()).take(count);
             if count == 0 {
                 continue;
             }
-            let map = Map::of(codec, Bits::count(frames.map(Cow::Borrowed), codec.frame_bytes()));
+            let start = place + (readouts - count) / 2 * frame;
+            let mut bits = Bits::new(frame)?;
+            self.pieces(start..start + count * frame, frame, |_, frames| {
+                frames.chunks_exact(frame).for_each(|f| bits.add(f.iter().copied()));
+                Ok(())
+            })?;
+            let map = Map::of(codec, bits);
             let rows = map.rows();
             let better = given.is_beaten_by(&map, map.stride, rows);
             found.push((Reading { layout, geometry, readouts, rows, bytes: None }, better));
         }
+        Ok(())
     }
 
     /// An array whose readouts lie along its last axis, where nobody gave a size that would tell.
-    fn turned(&self, given: &Reading, here: &Map) -> Option<(Reading, bool)> {
+    fn turned(&self, given: &Reading, here: &Map) -> Result<Option<(Reading, bool)>> {
         let (a, b, c) = (self.readouts(), self.geometry().height(), self.geometry().width());
-        let values = a.checked_mul(b)?.checked_mul(c)?;
-        if *self.origin() != Origin::Header || values > MAX_TURNED {
-            return None;
-        }
-        let (readouts, geometry) = Axes::Last.meaning([a as u64, b as u64, c as u64])?;
+        let few = a.checked_mul(b).and_then(|n| n.checked_mul(c)).is_some_and(|n| n <= MAX_TURNED);
+        let turned = Axes::Last.meaning([a as u64, b as u64, c as u64]);
+        let Some((readouts, geometry)) = turned.filter(|_| *self.origin() == Origin::Header && few) else {
+            return Ok(None);
+        };
         let (count, packed) = (READOUTS.min(c), self.codec().layout() == Layout::DatTop);
         let first = (c - count) / 2;
-        let mut counts = Vec::with_capacity(a * b);
-        for frame in (0..a).filter_map(|t| self.frame(t)) {
-            let fires = |p: usize| if packed { bit(frame, p) } else { frame[p] != 0 };
-            counts.extend((0..b).map(|row| (0..count).filter(|t| fires(row * c + first + t)).count() as u8));
-        }
+        let mut counts = inputs::buffer(self.name(), a * b)?;
+        self.stored(0..a, |_, frames| {
+            for frame in frames.into_iter().flat_map(|f| f.chunks_exact(self.codec().frame_bytes())) {
+                let fires = |p: usize| if packed { bit(frame, p) } else { frame[p] != 0 };
+                counts.extend(
+                    (0..b).map(|row| (0..count).filter(|t| fires(row * c + first + t)).count() as u8),
+                );
+            }
+            Ok(())
+        })?;
         let map = Map::plain(counts, b);
         // Read wrongly, one of the sides is time: along the other one the picture may still continue.
         let both = |map: &Map| Some(map.rows()?.min(map.correlation(1)?));
         let wrong = Reading { rows: both(here), ..*given };
         let better = wrong.is_beaten_by(&map, b, both(&map).filter(|_| wrong.rows.is_some()));
-        Some((Reading { geometry, readouts: readouts as usize, rows: map.rows(), ..*given }, better))
+        Ok(Some((Reading { geometry, readouts: readouts as usize, rows: map.rows(), ..*given }, better)))
     }
 
     /// The same frames with the bits of each byte the other way round, where the picture says so.
@@ -247,33 +266,26 @@ impl Reader {
     }
 }
 
-/// A frame's bytes with the lowest bit first.
-fn ordered(layout: Layout, frame: &[u8]) -> Cow<'_, [u8]> {
-    if layout.is_msb() {
-        return Cow::Owned(frame.iter().map(|b| b.reverse_bits()).collect());
-    }
-    Cow::Borrowed(frame)
-}
-
 /// Refuses an array of bytes that were taken for pixels and hold eight of them.
 ///
 /// # Errors
-/// [`Kind::Input`] when many bytes are neither 0 nor the value of a spike.
-pub(super) fn refuse_packed(name: &str, data: &[u8], codec: Codec, readouts: usize) -> Result<()> {
-    let bytes = codec.frame_bytes();
-    let count = READOUTS.min(readouts);
-    let sample = &data[(readouts - count) / 2 * bytes..][..count * bytes];
-    let lit = sample.iter().filter(|b| **b != 0).count();
-    let spikes = sample.iter().filter(|b| matches!(b, 1 | 255)).count();
+/// [`Kind::Input`] when many bytes are neither 0 nor the value of a spike; those of reading the file.
+pub(super) fn refuse_packed(reader: &Reader) -> Result<()> {
+    let (mut lit, mut spikes, mut value) = (0u64, 0u64, None);
+    reader.sample(|frame| {
+        for &byte in frame.iter().filter(|b| **b != 0) {
+            let spike = matches!(byte, 1 | 255);
+            (lit, spikes) = (lit + 1, spikes + u64::from(spike));
+            value = value.or((!spike).then_some(byte));
+        }
+    })?;
     if 10 * (lit - spikes) <= lit {
         return Ok(());
     }
-    let value = sample.iter().find(|b| !matches!(b, 0 | 1 | 255)).copied().unwrap_or_default();
-    let seams = Map::plain(
-        Bits::count(sample.chunks_exact(bytes).map(Cow::Borrowed), bytes).0,
-        8 * codec.geometry().width(),
-    )
-    .seams();
+    let value = value.unwrap_or_default();
+    let mut bits = Bits::new(reader.codec().frame_bytes())?;
+    reader.sample(|frame| bits.add(frame.iter().copied()))?;
+    let seams = Map::plain(bits.0, 8 * reader.geometry().width()).seams();
     let told = |c: Option<f64>| c.map_or("unknown".to_owned(), |c| format!("{c:.2}"));
     let (low, high) = (told(seams.lowest_first()), told(seams.highest_first()));
     let remedy = if seams.turned().is_some() {
@@ -289,7 +301,7 @@ pub(super) fn refuse_packed(name: &str, data: &[u8], codec: Codec, readouts: usi
     } else {
         "name --layout npy-bits-msb (numpy.packbits) or npy-bits (bitorder='little')".to_owned()
     };
-    Err(Error::new(Kind::Input, name)
+    Err(Error::new(Kind::Input, reader.name())
         .found(format_args!("bytes such as {value}, which hold eight pixels each, or light"))
         .expected("0 and 1, or 0 and 255")
         .remedy(format_args!("{remedy}; light is for 'spikelane simulate'")))

@@ -1,5 +1,6 @@
 //! The one way to open an input.
 
+use std::borrow::Borrow;
 use std::fs::{File, Metadata};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -60,7 +61,12 @@ impl InputFile {
     /// Returns a reader of the bytes from the start on, with a position of its own.
     ///
     /// It ends at the length that the file had at opening, and reports an error where the file was shortened since.
-    pub(crate) fn reader(&self) -> Cursor<'_> {
+    pub(crate) fn reader(&self) -> Cursor<&Self> {
+        Cursor { file: self, position: 0 }
+    }
+
+    /// Returns a reader as [`InputFile::reader`] does, which owns the file.
+    pub(crate) fn into_reader(self) -> Cursor<Self> {
         Cursor { file: self, position: 0 }
     }
 
@@ -75,26 +81,27 @@ impl InputFile {
 
 /// Reads an [`InputFile`] from one byte to the next.
 #[derive(Debug)]
-pub(crate) struct Cursor<'a> {
-    file: &'a InputFile,
+pub(crate) struct Cursor<F> {
+    file: F,
     position: u64,
 }
 
-impl Read for Cursor<'_> {
+impl<F: Borrow<InputFile>> Read for Cursor<F> {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        let left = self.file.len.saturating_sub(self.position);
+        let file = self.file.borrow();
+        let left = file.len.saturating_sub(self.position);
         let len = usize::try_from(left).unwrap_or(usize::MAX).min(bytes.len());
-        self.file.read_at(self.position, &mut bytes[..len]).map_err(io::Error::other)?;
+        file.read_at(self.position, &mut bytes[..len]).map_err(io::Error::other)?;
         self.position += len as u64;
         Ok(len)
     }
 }
 
-impl Seek for Cursor<'_> {
+impl<F: Borrow<InputFile>> Seek for Cursor<F> {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         let moved = match to {
             SeekFrom::Start(at) => Some(at),
-            SeekFrom::End(by) => self.file.len.checked_add_signed(by),
+            SeekFrom::End(by) => self.file.borrow().len.checked_add_signed(by),
             SeekFrom::Current(by) => self.position.checked_add_signed(by),
         };
         self.position = moved.ok_or(io::ErrorKind::InvalidInput)?;
@@ -124,7 +131,15 @@ pub(crate) fn read_bytes(path: &Path, what: &str, limit: u64) -> Result<Vec<u8>>
 /// # Errors
 /// As [`read_bytes`]; [`Kind::Input`] when it is not UTF-8.
 pub(crate) fn read_text(path: &Path, what: &str) -> Result<String> {
-    let bytes = read_bytes(path, what, MAX_TEXT_BYTES)?;
+    read_text_up_to(path, what, MAX_TEXT_BYTES)
+}
+
+/// Returns the text of the regular file at `path`, at most `limit` bytes; `what` names the kind of file.
+///
+/// # Errors
+/// As [`read_text`].
+pub(crate) fn read_text_up_to(path: &Path, what: &str, limit: u64) -> Result<String> {
+    let bytes = read_bytes(path, what, limit)?;
     String::from_utf8(bytes).map_err(|e| {
         Error::new(Kind::Input, path.display())
             .found(format_args!("bytes that are not UTF-8 at {}", e.utf8_error().valid_up_to()))

@@ -8,7 +8,7 @@ use crate::error::{Error, Kind, Result};
 /// Reads an [`InputFile`] one line at a time, so that memory holds one line and not the file.
 #[derive(Debug)]
 pub(crate) struct Lines<'a> {
-    reader: BufReader<Cursor<'a>>,
+    reader: BufReader<Cursor<&'a InputFile>>,
     file: &'a InputFile,
     limit: u64,
     line: Vec<u8>,

@@ -4,12 +4,15 @@
 //! [`InputFile`], which accepts regular files and never waits for a pipe. A count becomes memory only by
 //! [`zeroed`] or [`buffer`], which return an error where an allocation would abort the process.
 
+/// The most that one decoded picture, or one frame of an array or a video, may take in memory: 512 MiB.
+pub(crate) const MAX_PICTURE_BYTES: u64 = 512 << 20;
+
 mod file;
 mod lines;
 mod memory;
 mod names;
 
-pub(crate) use file::{InputFile, MAX_TEXT_BYTES, if_found, read_bytes, read_text};
+pub(crate) use file::{Cursor, InputFile, MAX_TEXT_BYTES, if_found, read_bytes, read_text, read_text_up_to};
 pub(crate) use lines::Lines;
 pub(crate) use memory::{buffer, zeroed};
 pub(crate) use names::Access;

@@ -6,6 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Kind, Result};
+use crate::inputs;
 
 /// The file's name.
 pub const NAME: &str = "timestamps.txt";
@@ -13,11 +14,14 @@ pub const NAME: &str = "timestamps.txt";
 /// Longer recordings are not told apart from times in other units.
 const LONGEST_S: f64 = 1e5;
 
+/// Bytes of a line: a file name, a time, and as much again for comments.
+const MAX_LINE_BYTES: u64 = 1 << 10;
+
 /// The file of a folder of pictures: in it, or beside it where the pictures have a folder of their own.
 pub(super) fn beside(folder: &Path) -> Option<PathBuf> {
     let own = folder.join(NAME);
     let above = || std::path::absolute(folder).ok()?.parent().map(|up| up.join(NAME));
-    if own.is_file() { Some(own) } else { above().filter(|path| path.is_file()) }
+    if own.exists() { Some(own) } else { above().filter(|path| path.is_file()) }
 }
 
 /// Nanoseconds of each frame after the first.
@@ -26,7 +30,8 @@ pub(super) fn beside(folder: &Path) -> Option<PathBuf> {
 /// [`Kind::Io`] when the file cannot be read; [`Kind::Input`] when a line holds no time, times do not rise, or there
 /// are other than `frames` of them.
 pub(super) fn read(path: &Path, frames: usize) -> Result<Vec<u64>> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path.display(), e))?;
+    let limit = (frames as u64 + 64) * MAX_LINE_BYTES;
+    let text = inputs::read_text_up_to(path, "times of frames", limit)?;
     let lines = text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#'));
     let seconds =
         lines.map(|line| time(line).ok_or_else(|| bad_line(path, line))).collect::<Result<Vec<f64>>>()?;

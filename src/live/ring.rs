@@ -96,28 +96,29 @@ impl Sink for Ring {
             if self.policy == Policy::Block {
                 let room = || {
                     let read = self.word(READ).load(Ordering::Acquire);
-                    (self.written.saturating_sub(read) < self.slots).then_some(())
+                    let has_room = self.written.saturating_sub(read) < self.slots;
+                    self.shared.check().map(|()| has_room.then_some(())).transpose()
                 };
-                if wait(&self.stop, room).is_none() {
-                    return Ok(Delivery::Gone);
+                match wait(&self.stop, room) {
+                    Some(checked) => checked?,
+                    None => return Ok(Delivery::Gone),
                 }
             }
             self.put(frame);
         }
-        Ok(Delivery::Taken)
+        self.shared.check().map(|()| Delivery::Taken)
     }
 
     fn finish(&mut self) -> Result<()> {
         self.word(STATE).store(ENDED, Ordering::Release);
-        Ok(())
+        self.shared.check()
     }
 }
 
 impl Drop for Ring {
     fn drop(&mut self) {
         self.word(STATE).store(ENDED, Ordering::Release);
-        // Somebody else may have removed it already.
-        let _ = std::fs::remove_file(self.shared.path());
+        self.shared.remove();
     }
 }
 
@@ -195,7 +196,8 @@ impl RingReader {
     /// Copies the next readout into `frame` and, for a writer that waits, says that it is done with.
     ///
     /// # Errors
-    /// [`Kind::Usage`] when `frame` has another length than [`RingReader::frame_bytes`].
+    /// [`Kind::Usage`] when `frame` has another length than [`RingReader::frame_bytes`]; [`Kind::Io`] when another process
+    /// shortened the ring.
     pub fn next(&mut self, frame: &mut [u8]) -> Result<Slot> {
         if frame.len() != self.frame_bytes {
             return Err(Error::new(Kind::Usage, "frame")
@@ -209,6 +211,7 @@ impl RingReader {
             let ended = words[STATE].load(Ordering::Acquire) == ENDED;
             let written = words[WRITTEN].load(Ordering::Acquire);
             if self.next >= written {
+                self.shared.check()?;
                 return Ok(if ended { Slot::Ended } else { Slot::Wait });
             }
             self.next = self.next.max(written.saturating_sub(self.slots));
@@ -218,6 +221,7 @@ impl RingReader {
             fence(Ordering::Acquire);
             let after = words[at].load(Ordering::Relaxed);
             if before == self.next + 1 && after == before {
+                self.shared.check()?;
                 self.next += 1;
                 words[READ].store(self.next, Ordering::Release);
                 return Ok(Slot::Readout(self.next - 1));

@@ -294,6 +294,24 @@ fn readers_beside_a_writer_never_see_a_torn_readout() {
     }
 }
 
+#[cfg(unix)]
+#[test]
+fn a_ring_that_is_shortened_ends_both_sides_with_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    for policy in [Policy::Drop, Policy::Block] {
+        let (mut ring, path, size) = ring(&folder, 3, policy);
+        let mut reader = RingReader::open(&path).unwrap();
+        ring.deliver(&vec![1; size]).unwrap();
+        std::fs::File::create(&path).unwrap();
+        let error = ring.deliver(&vec![2; 4 * size]).unwrap_err();
+        assert_eq!(error.kind(), Kind::Io);
+        assert!(error.to_string().contains("shortened"), "{error}");
+        assert_eq!(reader.next(&mut vec![0; size]).unwrap_err().kind(), Kind::Io);
+        drop(ring);
+        assert!(!path.exists());
+    }
+}
+
 #[test]
 fn other_files_are_no_ring() {
     let folder = tempfile::tempdir().unwrap();

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::{Accumulator, MeasureOptions, Statistics};
 use crate::error::Result;
 use crate::formats::Reader;
+use crate::inputs;
 use crate::spikes::{Geometry, Packed};
 
 /// Readouts read at a time: two turns of an accumulator's counters, a quarter of what it buffers at most.
@@ -23,7 +24,7 @@ pub fn of_stream(
 ) -> Result<Statistics> {
     let geometry = reader.geometry();
     let mut accumulators = bands(geometry, options)?;
-    let mut buffer = vec![0; BATCH * geometry.frame_bytes()];
+    let mut buffer = inputs::zeroed(reader.name(), BATCH.min(reader.readouts()) * geometry.frame_bytes())?;
     let mut at = 0;
     while at < reader.readouts() {
         let now = BATCH.min(reader.readouts() - at);
@@ -31,7 +32,6 @@ pub fn of_stream(
         reader.read_frames(at, bytes)?;
         let packed = Packed::new(geometry, bytes)?;
         accumulators.par_iter_mut().try_for_each(|a| a.push(packed))?;
-        reader.release(at..at + now);
         at += now;
         tell(at);
     }

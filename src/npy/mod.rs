@@ -16,7 +16,11 @@ pub use archive::{Archive, MAGIC as ARCHIVE_MAGIC};
 pub use element::Element;
 pub use header::{Header, MAGIC, header};
 
+#[cfg(feature = "files")]
+use std::io::{ErrorKind, Read};
+
 use crate::error::{Error, Kind, Result};
+use crate::inputs;
 
 /// The bytes of an `.npy` file of `values`, each as its little-endian bytes.
 ///
@@ -47,6 +51,35 @@ pub fn map_to_bytes(map: &[f64], width: usize) -> Result<Vec<u8>> {
     to_bytes(Element::F64, &[rows as u64, width as u64], map.iter().map(|v| v.to_le_bytes()))
 }
 
+/// The most values of a map of a sensor: 16 times those of the largest camera that is known.
+const MAX_MAP_VALUES: u64 = 1 << 24;
+
+/// Returns the header and the elements of an `.npy` file of one value per pixel, in C order whatever order the file has.
+/// `name` stands for the file in errors.
+///
+/// # Errors
+/// [`Kind::Input`] when the header is damaged, declares more than 2^24 elements, or the file ends before the array does.
+#[cfg(feature = "files")]
+pub(crate) fn read_map(name: &str, reader: &mut impl Read) -> Result<(Header, Vec<f64>)> {
+    let header = Header::read(name, reader)?;
+    let count = header.shape.iter().try_fold(1, |n: u64, &side| n.checked_mul(side));
+    let Some(count) = count.filter(|&n| n <= MAX_MAP_VALUES) else {
+        return Err(Error::new(Kind::Input, name)
+            .found(format_args!("an array of shape {:?}", header.shape))
+            .expected(format_args!("a map of a sensor, at most {MAX_MAP_VALUES} values")));
+    };
+    let mut bytes = inputs::zeroed(name, count as usize * header.element.bytes())?;
+    reader.read_exact(&mut bytes).map_err(|e| match e.kind() {
+        ErrorKind::UnexpectedEof | ErrorKind::InvalidData => Error::new(Kind::Input, name)
+            .found(e)
+            .expected(format_args!("an array of shape {:?} of {}", header.shape, header.element))
+            .remedy("the file was cut short; save it again"),
+        _ => Error::io(name, e),
+    })?;
+    let values = values(name, &header, &bytes)?;
+    Ok((header, values))
+}
+
 /// The header and all elements of an `.npy` file, in C order whatever order the file has.
 /// `name` stands for the file in errors.
 ///
@@ -61,12 +94,15 @@ pub fn read_values(name: &str, bytes: &[u8]) -> Result<(Header, Vec<f64>)> {
             .expected(format_args!("an array of shape {:?} of {}", header.shape, header.element))
             .remedy("the file was cut short; save it again")
     })?;
-    let mut values = Vec::with_capacity(wanted as usize / header.element.bytes());
-    header.element.for_each(header.big_endian, &data[..wanted as usize], |v| values.push(v));
-    if header.fortran {
-        values = to_c_order(&header.shape, &values);
-    }
+    let values = values(name, &header, &data[..wanted as usize])?;
     Ok((header, values))
+}
+
+/// Returns the elements that `data` holds, all of an array, in C order.
+fn values(name: &str, header: &Header, data: &[u8]) -> Result<Vec<f64>> {
+    let mut values = inputs::buffer(name, data.len() / header.element.bytes())?;
+    header.element.for_each(header.big_endian, data, |v| values.push(v));
+    Ok(if header.fortran { to_c_order(&header.shape, &values) } else { values })
 }
 
 /// Elements stored with the first axis fastest, in the order of the last axis fastest.

@@ -1,5 +1,7 @@
 //! Cameras drawn at random: a camera file whose numbers may be ranges.
 
+use std::path::Path;
+
 use toml::{Table, Value};
 
 use crate::draws::pattern::Pattern;
@@ -7,6 +9,7 @@ use crate::draws::{Seeds, Stream};
 use crate::effects::definition::Form;
 use crate::effects::{Camera, Catalogue};
 use crate::error::{Error, Kind, Result};
+use crate::inputs;
 use crate::presets::file::{number_unit, parse_with, text_of};
 use crate::units::Unit;
 
@@ -88,6 +91,15 @@ impl Distribution {
         whole.camera(&|range| range.low)?;
         whole.camera(&|range| range.high)?;
         Ok(whole)
+    }
+
+    /// Reads the file at `path`.
+    ///
+    /// # Errors
+    /// As [`Distribution::parse`]; when it cannot be read, is no regular file, or is larger than 16 MiB.
+    pub fn open(path: &Path) -> Result<Self> {
+        let text = inputs::read_text(path, "a camera distribution")?;
+        Self::parse(&text).map_err(|e| e.within(path.display()))
     }
 
     /// The numbers that are drawn, in the order of their keys.

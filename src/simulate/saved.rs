@@ -2,13 +2,17 @@
 
 use crate::error::{Error, Kind, Result};
 use crate::plan::State;
+use crate::presets::key;
 use crate::simulate::Simulator;
 
 /// Before a saved state: the format and its version.
-const MAGIC: &[u8; 8] = b"spkrun01";
+const MAGIC: &[u8; 8] = b"spkrun02";
 
 /// After the magic, 64-bit words, little-endian: the camera's key, its three seeds, the greatest light.
 const HEADER: usize = 8 + 5 * 8;
+
+/// After the header: the [`key`] of the bytes that follow, which are the state.
+const KEY: usize = 8;
 
 impl Simulator {
     /// All that it remembers, and what that belongs to; [`Simulator::restore`] goes on from it. `camera` is the
@@ -16,15 +20,17 @@ impl Simulator {
     #[must_use]
     pub fn save(&self, camera: u64) -> Vec<u8> {
         let mut bytes = header(self, camera);
-        bytes.extend(self.state().to_bytes());
+        let state = self.state().to_bytes();
+        bytes.extend(key(&state).to_le_bytes());
+        bytes.extend(state);
         bytes
     }
 
     /// Goes on from bytes of [`Simulator::save`], with the same bits.
     ///
     /// # Errors
-    /// [`Kind::Usage`] for bytes of another version, camera, seeds or greatest light, [`Kind::Input`] for damaged
-    /// ones; nothing has changed then.
+    /// [`Kind::Usage`] for bytes of another version, camera, seeds or greatest light, [`Kind::Corrupt`] for bytes that
+    /// changed since they were saved, [`Kind::Input`] for a state that no run leaves behind; nothing has changed then.
     pub fn restore(&mut self, camera: u64, bytes: &[u8]) -> Result<()> {
         let bad = |found: &str| {
             Error::new(Kind::Usage, "saved state")
@@ -33,9 +39,13 @@ impl Simulator {
                 .remedy("make the simulator with the same arguments")
         };
         let header = header(self, camera);
-        if !bytes.starts_with(MAGIC) || bytes.len() < HEADER {
+        if !bytes.starts_with(MAGIC) || bytes.len() < HEADER + KEY {
             let version = bytes.starts_with(&MAGIC[..6]);
-            return Err(bad(if version { "a state of another version" } else { "other bytes" }));
+            return Err(if version {
+                bad("a state of another version").remedy("save it with this version: simulate from the start")
+            } else {
+                bad("other bytes")
+            });
         }
         let (own, rest) = bytes.split_at(HEADER);
         for (part, found) in [
@@ -46,6 +56,13 @@ impl Simulator {
             if own[part.clone()] != header[part] {
                 return Err(bad(found));
             }
+        }
+        let (stored, rest) = rest.split_at(KEY);
+        if stored != key(rest).to_le_bytes() {
+            return Err(Error::new(Kind::Corrupt, "saved state")
+                .found("bytes that do not match their key")
+                .expected("the bytes that were saved")
+                .remedy("save it again, or simulate from the start"));
         }
         let state = State::from_bytes(rest, &self.plan().start())?;
         self.resume(state)

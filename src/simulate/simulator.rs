@@ -162,10 +162,13 @@ impl Simulator {
     /// ```
     ///
     /// # Errors
-    /// When the state belongs to another plan.
+    /// When the state belongs to another plan, or holds what no run leaves behind.
     pub fn resume(&mut self, state: State) -> Result<()> {
         if !state.fits(&self.state) {
             return Err(State::foreign(OTHER_PLAN));
+        }
+        if let Some(found) = state.fault(self.plan.geometry().pixels()) {
+            return Err(State::foreign(found));
         }
         self.state = state;
         Ok(())

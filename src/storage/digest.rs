@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use crate::error::Result;
-use crate::storage::Map;
+use crate::inputs::{self, InputFile};
 
-/// Bytes hashed between two releases of mapped pages.
-const STEP: usize = 16 << 20;
+/// Bytes that are read and hashed in one piece.
+const BLOCK: usize = 512 << 10;
 
 /// An incremental BLAKE3 digest, written as `blake3:` and 64 hex digits.
 #[derive(Clone, Debug, Default)]
@@ -41,13 +41,17 @@ impl Digest {
     /// The digest of a file, in constant memory.
     ///
     /// # Errors
-    /// When the file cannot be mapped.
+    /// When it is no regular file, cannot be read, or is shortened meanwhile.
     pub fn of_file(path: &Path) -> Result<String> {
-        let map = Map::open(path)?;
+        let file = InputFile::open(path)?;
         let mut digest = Self::new();
-        for (i, piece) in map.chunks(STEP).enumerate() {
+        let mut block = inputs::zeroed(path.display(), file.len().min(BLOCK as u64) as usize)?;
+        let mut at = 0;
+        while at < file.len() {
+            let piece = &mut block[..(file.len() - at).min(BLOCK as u64) as usize];
+            file.read_at(at, piece)?;
             digest.update(piece);
-            map.release(i * STEP..i * STEP + piece.len());
+            at += piece.len() as u64;
         }
         Ok(digest.text())
     }

@@ -6,9 +6,9 @@
 //! mapped a window at a time, so that memory does not grow with their length.
 
 mod digest;
-mod map;
 mod partial;
 mod shared;
+mod shortened;
 pub(crate) mod steps;
 #[cfg(feature = "scene")]
 pub(crate) mod trees;
@@ -16,7 +16,6 @@ mod words;
 mod writer;
 
 pub use digest::Digest;
-pub use map::Map;
 pub use shared::Shared;
 pub(crate) use words::Words;
 pub use writer::{Finished, Writer};

@@ -508,21 +508,39 @@ fn a_sidecar_tells_layout_and_geometry_and_notices_lost_frames() {
 }
 
 #[test]
-fn frames_as_in_memory_are_lent_without_a_copy() {
-    let g = geometry(16, 3);
-    let packed = stream(g, 4, 9);
-    let layout = Some(Layout::DatTop);
-    let reader = Reader::from_bytes("s", packed.clone(), layout, Some(g)).unwrap();
-    assert_eq!(reader.packed(1..3).unwrap().bytes(), &packed[6..18]);
-    assert!(reader.packed(1..5).is_none());
-    // Padding in a file may hold anything, so those frames are copied and cleaned.
-    let ragged = geometry(5, 1);
-    let reader = Reader::from_bytes("s", vec![0xff; 4], layout, Some(ragged)).unwrap();
-    assert!(reader.packed(0..4).is_none());
+fn frames_come_one_by_one_with_clean_padding() {
+    // Padding in a file may hold anything.
+    let reader = Reader::from_bytes("s", vec![0xff; 4], Some(Layout::DatTop), Some(geometry(5, 1))).unwrap();
     let mut frames = reader.frames(1..3).unwrap();
     assert_eq!(frames.next_frame().unwrap().unwrap(), [0x1f]);
     assert_eq!(frames.next_frame().unwrap().unwrap(), [0x1f]);
     assert!(frames.next_frame().is_none());
+}
+
+#[test]
+fn threads_read_the_same_frames_from_a_file_as_one() {
+    let dir = TempDir::new().unwrap();
+    // Frames of more than one block, and many in a block.
+    for (g, readouts) in [(geometry(2500, 2000), 3), (geometry(40, 25), 9000)] {
+        for layout in [Layout::Dat, Layout::DatTop, Layout::NpyBits, Layout::NpyBytes] {
+            let packed = stream(g, readouts, 5);
+            let path = place(&dir, &format!("{}-{layout}", g.width()));
+            write(&path, layout, g, &packed);
+            let reader = open(&path, layout, g).unwrap();
+            let size = g.frame_bytes();
+            std::thread::scope(|scope| {
+                for part in 0..3 {
+                    let (reader, packed) = (&reader, &packed);
+                    scope.spawn(move || {
+                        let (first, end) = (part * readouts / 3, (part + 1) * readouts / 3);
+                        let mut found = vec![0; (end - first) * size];
+                        reader.read_frames(first, &mut found).unwrap();
+                        assert!(found == packed[first * size..end * size], "{layout} {g}");
+                    });
+                }
+            });
+        }
+    }
 }
 
 #[test]

@@ -108,7 +108,7 @@ fn no_right_reading_of_360_is_accused() {
         let packed = fire(g, readouts, case as u64, |r, c, d| light(kind, r, c, d));
         let layout = layouts[case % layouts.len()];
         let reader = Reader::from_bytes("s", file(layout, g, &packed), Some(layout), Some(g)).unwrap();
-        let readings = reader.readings();
+        let readings = reader.readings().unwrap();
         assert!(
             readings.better.is_none(),
             "light {kind}, {readouts} readouts of {g} in {layout}: {:?}",
@@ -123,7 +123,7 @@ fn cameras_rows_are_not_accused() {
         for (kind, readouts) in [(0, 10), (4, 3), (16, 1), (16, 20), (3, 2)] {
             let packed = fire(g, readouts, 5, |r, c, d| light(kind, r, c, d));
             let reader = Reader::from_bytes("s", file(layout, g, &packed), Some(layout), None).unwrap();
-            assert!(reader.readings().better.is_none(), "{layout} {kind} {readouts}");
+            assert!(reader.readings().unwrap().better.is_none(), "{layout} {kind} {readouts}");
         }
     }
 }
@@ -134,7 +134,7 @@ fn exchanged_sides_and_other_shapes_are_accused() {
     let bytes = file(Layout::Dat, g, &fire(g, 24, 3, |r, c, _| scene(r, c)));
     for (w, h) in [(48, 64), (96, 32), (32, 96)] {
         let reader = Reader::from_bytes("s", bytes.clone(), None, Some(geometry(w, h))).unwrap();
-        let readings = reader.readings();
+        let readings = reader.readings().unwrap();
         if (w, h) == (32, 96) {
             // Rows of half the length: indistinguishable from a texture of every second row.
             continue;
@@ -152,7 +152,7 @@ fn rows_of_416_bits_read_as_plain_are_accused() {
     let bytes = file(Layout::Rows416, g, &fire(g, 25, 8, |r, c, _| scene(r, c)));
     let reader = Reader::from_bytes("s", bytes, None, Some(g)).unwrap();
     assert_eq!(reader.readouts(), 26);
-    let readings = reader.readings();
+    let readings = reader.readings().unwrap();
     assert_eq!(readings.better.map(|b| b.layout), Some(Layout::Rows416), "{readings:?}");
     assert!(readings.warning().unwrap().contains("--layout rows416"));
 }
@@ -161,7 +161,8 @@ fn rows_of_416_bits_read_as_plain_are_accused() {
 fn the_other_camera_is_accused() {
     let large = geometry(1000, 1000);
     let bytes = file(Layout::Dat, large, &fire(large, 4, 8, |r, c, _| scene(r, c)));
-    let readings = Reader::from_bytes("s", bytes, None, Some(geometry(400, 250))).unwrap().readings();
+    let readings =
+        Reader::from_bytes("s", bytes, None, Some(geometry(400, 250))).unwrap().readings().unwrap();
     assert_eq!(readings.better.map(|b| b.geometry), Some(large), "{readings:?}");
 }
 
@@ -172,7 +173,7 @@ fn the_other_order_of_bits_is_accused() {
     for layout in Layout::ALL {
         let Some(other) = layout.other_bit_order() else { continue };
         let reader = Reader::from_bytes("s", file(layout, g, &packed), Some(other), Some(g)).unwrap();
-        let better = reader.readings().better.unwrap_or_else(|| panic!("{layout}"));
+        let better = reader.readings().unwrap().better.unwrap_or_else(|| panic!("{layout}"));
         assert_eq!(better.layout, layout);
     }
 }
@@ -187,7 +188,7 @@ fn an_array_with_readouts_last_is_accused() {
     let mut bytes = Layout::NpyBytes.header(geometry(24, 64), 48).unwrap();
     bytes.extend((0..data.len()).map(|i| data[i % 24 * 3072 + i / 24]));
     let reader = Reader::from_bytes("a.npy", bytes.clone(), None, None).unwrap();
-    assert_eq!(reader.readings().better.map(|b| b.geometry), Some(g));
+    assert_eq!(reader.readings().unwrap().better.map(|b| b.geometry), Some(g));
     // The size, once given, decides the order.
     let reader = Reader::from_bytes("a.npy", bytes, None, Some(g)).unwrap();
     assert_eq!(reader.readouts(), 24);

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use spikelane::formats::{Layout, Reader, StreamWriter, convert};
-use spikelane::storage::{Digest, Map, Writer, write_small};
+use spikelane::storage::{Digest, Writer, write_small};
 use spikelane::{Error, Geometry, Kind, Result};
 use tempfile::TempDir;
 
@@ -123,24 +123,45 @@ fn a_missing_directory_is_an_io_error() {
 }
 
 #[test]
-fn an_empty_file_maps_to_no_bytes() {
+fn the_digest_of_a_file_is_that_of_its_bytes() {
     let dir = TempDir::new().unwrap();
-    let path = place(&dir, "empty");
-    Writer::create(&path, 0, false).unwrap().finish().unwrap();
-    let map = Map::open(&path).unwrap();
-    assert!(map.is_empty());
-    map.release(0..1);
-    assert_eq!(Digest::of_file(&path).unwrap(), Digest::of(b""));
+    for len in [0, 1, 1 << 19, 1_000_003u32] {
+        let path = place(&dir, &len.to_string());
+        let bytes: Vec<u8> = (0..len).map(|i| ((i * 7) >> 3) as u8).collect();
+        write_small(&path, &bytes, false).unwrap();
+        assert_eq!(Digest::of_file(&path).unwrap(), Digest::of(&bytes), "{len}");
+    }
 }
 
 #[test]
-fn released_pages_come_back_with_the_same_bytes() {
-    let dir = TempDir::new().unwrap();
-    let path = place(&dir, "a");
-    let bytes: Vec<u8> = (0..1_000_003u32).map(|i| ((i * 7) >> 3) as u8).collect();
-    write_small(&path, &bytes, false).unwrap();
-    let map = Map::open(&path).unwrap();
-    map.release(100..1_000_003);
-    map.release(5..6);
-    assert!(*map == bytes[..]);
+fn a_file_that_is_cut_while_it_is_read_is_an_error_in_every_layout() {
+    let g = Geometry::new(400, 250).unwrap();
+    let rows1024 = Geometry::new(1000, 1000).unwrap();
+    for layout in Layout::ALL {
+        let dir = TempDir::new().unwrap();
+        let g = if layout == Layout::Rows1024 { rows1024 } else { g };
+        let name = if layout.is_array() { "s.npy" } else { "s.dat" };
+        let path = place(&dir, name);
+        let mut writer = StreamWriter::create(&path, layout, g, 400, false).unwrap();
+        writer.write_frames(0, &vec![0; 400 * g.frame_bytes()]).unwrap();
+        writer.finish().unwrap();
+        let reader = Reader::open(&path, Some(layout), Some(g)).unwrap();
+        let file = fs::OpenOptions::new().write(true).open(&path).unwrap();
+        file.set_len(file.metadata().unwrap().len() / 2).unwrap();
+        let mut frame = vec![0; g.frame_bytes()];
+        reader.read_frame(0, &mut frame).unwrap();
+        let found = failure(reader.read_frame(399, &mut frame));
+        assert_eq!(found.kind(), Kind::Input, "{layout}");
+        assert!(found.to_string().contains(name), "{layout}: {found}");
+        let out = place(&dir, "out.dat");
+        let writer = StreamWriter::create(&out, Layout::Dat, g, 400, false).unwrap();
+        assert_eq!(
+            failure(convert(&reader, 0..400, None, writer, |_| Ok(()))).kind(),
+            Kind::Input,
+            "{layout}"
+        );
+        assert_eq!(names(&dir), [name], "{layout}: a part of the output is left");
+        // The digest opens the file anew.
+        assert!(Digest::of_file(&path).is_ok());
+    }
 }

@@ -494,3 +494,35 @@ fn a_missing_ffmpeg_says_how_to_get_it() {
     assert_eq!(error.kind(), Kind::Tool);
     assert!(error.to_string().contains("install"), "{error}");
 }
+
+#[test]
+fn a_file_that_is_cut_while_it_is_read_is_an_error_that_names_it() {
+    let dir = TempDir::new().unwrap();
+    // More than the readers and the thread of an archive hold at once.
+    let (side, count) = (300, 40);
+    // Bytes without rule, which no archive makes smaller.
+    let values: Vec<u8> = (0..(count * side * side) as u32)
+        .map(|i| (i.wrapping_mul(2_654_435_761) >> 21) as u8 ^ (i >> 3) as u8)
+        .collect();
+    let shape = [count as u64, side as u64, side as u64];
+    let [video, array, archive] = ["a.y4m", "a.npy", "a.npz"].map(|name| dir.path().join(name));
+    let mut bytes = format!("YUV4MPEG2 W{side} H{side} F25:1 Ip A1:1 Cmono\n").into_bytes();
+    values.chunks(side * side).for_each(|frame| bytes.extend([&b"FRAME\n"[..], frame].concat()));
+    fs::write(&video, bytes).unwrap();
+    let mut bytes = spikelane::npy::header(spikelane::npy::Element::U8, &shape);
+    bytes.extend(&values);
+    fs::write(&array, bytes).unwrap();
+    npz(&archive, &["light"], &values, &shape);
+    for path in [video, array, archive] {
+        let options = InputOptions::new(Geometry::new(8, 8).unwrap());
+        let mut source = open(&path, &options).unwrap();
+        let mut frame = Frame::dark(source.geometry());
+        assert!(source.next_frame(&mut frame).unwrap());
+        let file = fs::OpenOptions::new().write(true).open(&path).unwrap();
+        file.set_len(file.metadata().unwrap().len() / 2).unwrap();
+        let error = std::iter::repeat_with(|| source.next_frame(&mut frame)).find_map(Result::err).unwrap();
+        let text = error.to_string();
+        assert!(matches!(error.kind(), Kind::Input | Kind::Io), "{text}");
+        assert!(text.contains(&*path.file_name().unwrap().to_string_lossy()), "{text}");
+    }
+}

@@ -11,6 +11,8 @@ mod doors;
 mod errors;
 mod evaluate;
 mod finite_numbers;
+#[cfg(unix)]
+mod inputs;
 mod shards;
 mod simulate;
 mod streams;

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use spikelane::spikes::Crop;
-use spikelane::{Error, Geometry, Result, Sensor, effects, presets};
+use spikelane::{Geometry, Result, Sensor, effects, presets};
 
 use crate::error::usage;
 
@@ -14,10 +14,7 @@ pub struct Camera(pub spikelane::Camera);
 
 impl Camera {
     pub fn load(path: &str) -> Result<Self> {
-        let file = Path::new(path);
-        let text = std::fs::read_to_string(file).map_err(|e| Error::io(path, e))?;
-        let folder = file.parent().unwrap_or(Path::new("."));
-        presets::parse(&text, Some(folder)).map(Self).map_err(|e| e.within(path))
+        presets::open(Path::new(path)).map(Self)
     }
 
     pub fn ideal(width: u32, height: u32, readout_hz: f64) -> Result<Self> {

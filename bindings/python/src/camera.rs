@@ -1,6 +1,6 @@
 //! Cameras: what a stream's noise is.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 use numpy::{PyArrayDyn, PyReadonlyArray2};
@@ -115,11 +115,7 @@ impl Camera {
     /// Raises FileNotFoundError, or SpikelaneError when the file describes no camera.
     #[classmethod]
     fn load(_: &Bound<'_, PyType>, path: PathBuf) -> PyResult<Self> {
-        let text =
-            std::fs::read_to_string(&path).map_err(|e| spikelane::Error::io(path.display(), e)).or_raise()?;
-        let folder = path.parent().unwrap_or(Path::new("."));
-        let camera = spikelane::presets::parse(&text, Some(folder));
-        Self::of(camera.map_err(|e| e.within(path.display())).or_raise()?)
+        Self::of(spikelane::presets::open(&path).or_raise()?)
     }
 
     /// The camera that the text of a camera file describes; maps it names are looked for in `folder`.

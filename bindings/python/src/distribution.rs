@@ -33,9 +33,7 @@ impl CameraDistribution {
     /// Reads a .toml file.
     #[classmethod]
     fn load(_: &Bound<'_, PyType>, path: PathBuf) -> PyResult<Self> {
-        let text =
-            std::fs::read_to_string(&path).map_err(|e| spikelane::Error::io(path.display(), e)).or_raise()?;
-        Distribution::parse(&text).map_err(|e| e.within(path.display())).or_raise().map(Self)
+        Distribution::open(&path).or_raise().map(Self)
     }
 
     /// Camera number `seed` (0 to 2**64 - 1): the same camera for the same seed, on any machine.

@@ -14,7 +14,7 @@ use crate::arrays::{bytes, geometry, zeros};
 use crate::error::{Raise as _, usage};
 use crate::watch::Watch;
 
-/// A recorded stream, memory-mapped: any readouts, in any order, from any thread. `open_stream` opens one.
+/// A recorded stream: any readouts, in any order, from any thread, read when they are asked for. `open_stream` opens one.
 ///
 /// `stream[a:b]` is bit-packed uint8 (b - a, ceil(H * W / 8)), `stream[i]` one readout of it, `stream.bits(a, b)` bytes of
 /// 0 and 1. Use it in a `with` block, or `close` it.
@@ -156,7 +156,7 @@ fn shape_of(height: Option<usize>, width: Option<usize>) -> PyResult<Option<Geom
     }
 }
 
-/// Opens a recorded stream by memory map. What is not given comes from the sidecar beside the file (STEM.json), from the header
+/// Opens a recorded stream. What is not given comes from the sidecar beside the file (STEM.json), from the header
 /// of an .npy or .npz file, or from the camera that a layout belongs to.
 ///
 /// Raises FileNotFoundError and other OSErrors; SpikelaneError when the file is cut short, of another size, or nothing

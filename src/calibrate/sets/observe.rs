@@ -1,5 +1,6 @@
 //! What the estimators need of a recording set, read in one pass.
 
+use std::io::BufReader;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -9,6 +10,7 @@ use super::observed::{IntervalNoise, Level, Observed};
 use super::recordings::{Light, RateMap, RecordingSet};
 use crate::error::{Error, Kind, Result};
 use crate::formats::Reader;
+use crate::inputs::InputFile;
 use crate::measure::{MeasureOptions, NEVER, Statistics, finite, median, median_and_spread, of_stream};
 use crate::npy;
 use crate::spikes::Geometry;
@@ -127,7 +129,7 @@ fn fitted_lags(level: &Level, shortest: u32) -> Vec<u32> {
 
 fn rate_map(folder: &Path, map: &RateMap, geometry: Geometry) -> Result<Level> {
     let path = folder.join(&map.file);
-    let bytes = std::fs::read(&path).map_err(|e| Error::io(path.display(), e))?;
+    let file = InputFile::open(&path)?;
     let wrong = |found: String| {
         Error::new(Kind::Input, path.display()).found(found).expected(format_args!(
             "an .npy array of {} rows by {}",
@@ -135,7 +137,7 @@ fn rate_map(folder: &Path, map: &RateMap, geometry: Geometry) -> Result<Level> {
             geometry.width()
         ))
     };
-    let (header, rate) = npy::read_values(&path.display().to_string(), &bytes)?;
+    let (header, rate) = npy::read_map(&path.display().to_string(), &mut BufReader::new(file.reader()))?;
     if header.shape != [geometry.height() as u64, geometry.width() as u64] {
         return Err(wrong(format!("shape {:?}", header.shape)));
     }

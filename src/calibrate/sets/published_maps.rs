@@ -6,12 +6,12 @@
 //! readouts in the dark. `Nl`, the response to light relative to other pixels, follows from these two.
 //! (`SpikeNeRF`, `spike_helpers.py`, function `noise`.)
 
-use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use super::recordings::{RateMap, RecordingSet};
 use crate::error::{Error, Kind, Result};
+use crate::inputs::InputFile;
 use crate::npy::{self, Archive};
 use crate::storage::write_small;
 
@@ -20,9 +20,6 @@ const LUX: f64 = 335.0;
 
 /// Readouts per second of the camera that was calibrated; the maps do not say.
 const READOUT_HZ: f64 = 20_000.0;
-
-/// Largest map.
-const MAX_BYTES: u64 = 1 << 31;
 
 /// Writes the rates in the dark and under light that the maps of `archive` (`.npz`) amount to into `folder`, as
 /// `rate_dark.npy` and `rate_light.npy`, with a `recordings.toml` of them; returns its path. The light of the brighter
@@ -83,8 +80,7 @@ pub fn import_maps(archive: &Path, folder: &Path, force: bool) -> Result<PathBuf
 /// The first map of these names, and its shape.
 fn map(path: &Path, names: &[&str]) -> Result<([u64; 2], Vec<f64>)> {
     let name = path.display().to_string();
-    let file = File::open(path).map_err(|e| Error::io(&name, e))?;
-    let mut archive = Archive::new(&name, BufReader::new(file))?;
+    let mut archive = Archive::new(&name, BufReader::new(InputFile::open(path)?.into_reader()))?;
     let arrays = archive.arrays();
     let Some(key) = names.iter().find(|key| arrays.iter().any(|a| a == *key)) else {
         return Err(Error::new(Kind::Input, name)
@@ -93,10 +89,7 @@ fn map(path: &Path, names: &[&str]) -> Result<([u64; 2], Vec<f64>)> {
             .remedy("give a recording set (.toml) for anything else"));
     };
     let subject = format!("{name}: {key}");
-    let mut bytes = Vec::new();
-    let read = archive.entry(key)?.take(MAX_BYTES).read_to_end(&mut bytes);
-    read.map_err(|e| Error::new(Kind::Input, &subject).found(e).expected("a whole archive"))?;
-    let (header, values) = npy::read_values(&subject, &bytes)?;
+    let (header, values) = npy::read_map(&subject, &mut archive.entry(key)?)?;
     let shape = <[u64; 2]>::try_from(&header.shape[..]).ok().filter(|s| s.iter().all(|n| *n > 0));
     let shape = shape.ok_or_else(|| {
         Error::new(Kind::Input, &subject)

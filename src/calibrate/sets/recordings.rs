@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Kind, Result};
 use crate::formats::{Layout, Reader};
+use crate::inputs;
 use crate::spikes::Geometry;
 
 /// What the camera looked at. Light is a fraction of the light that gives one spike per readout.
@@ -184,7 +185,7 @@ impl RecordingSet {
     /// [`Kind::Io`] when it cannot be read, [`Kind::Config`] when it describes no set:
     /// unknown keys, impossible light, a level or a file given twice.
     pub fn open(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path.display(), e))?;
+        let text = inputs::read_text(path, "a set of recordings")?;
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
         Self::parse(&text, folder).map_err(|e| e.within(path.display()))
     }

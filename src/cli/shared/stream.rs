@@ -86,7 +86,7 @@ impl StreamArgs {
         if let Origin::DataSet(file) = reader.origin() {
             out.say(format_args!("{}: {} from {}", path.display(), reader.geometry(), file.display()));
         }
-        let readings = reader.readings();
+        let readings = reader.readings()?;
         warn(&reader, &readings, out);
         Ok((reader, readings))
     }
@@ -103,7 +103,7 @@ fn warn(reader: &Reader, readings: &Readings, out: &Out) {
 pub(crate) fn warn_of_set(set: &RecordingSet, out: &Out) -> Result<()> {
     for recording in &set.recordings {
         let reader = set.reader(recording)?;
-        warn(&reader, &reader.readings(), out);
+        warn(&reader, &reader.readings()?, out);
     }
     Ok(())
 }

@@ -168,7 +168,6 @@ fn measure(reader: &Reader, range: std::ops::Range<usize>) -> Result<Measured> {
         let count = step.min(range.end - first);
         let packed = &mut packed[..count * geometry.frame_bytes()];
         reader.read_frames(first, packed)?;
-        reader.release(first..first + count);
         sums.push(Packed::new(geometry, packed)?)?;
     }
     let statistics = sums.finish();

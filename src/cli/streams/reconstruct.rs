@@ -194,7 +194,6 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
             done += 1;
             progress.step(done, Some(moments.len() as u64))?;
         }
-        reader.release(0..batch[batch.len() - 1].saturating_sub(args.half()));
     }
     sink.finish()?;
     drop(progress);

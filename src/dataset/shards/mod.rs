@@ -18,6 +18,16 @@ mod status;
 #[cfg(test)]
 mod order;
 
+/// Returns how many whole lines the journal in `folder` has; for fuzzing.
+///
+/// # Errors
+/// When the journal cannot be read.
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub fn journal_lines(folder: &std::path::Path) -> crate::Result<usize> {
+    Ok(journal::Journal::of(folder, crate::inputs::Access::Read)?.read()?.len())
+}
+
 pub use merge::{Merged, Merging, merge};
 pub use plan::Plan;
 pub use run::{Running, ShardReport, run};

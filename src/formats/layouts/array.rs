@@ -1,14 +1,18 @@
-//! Arrays that are no mapped stream: any type of element, any order of axes, made packed in memory.
+//! Arrays that are not read frame by frame: any type of element, any order of axes, made packed in memory.
 
 use std::io::Read;
 
 use super::Array;
 use crate::error::{Error, Kind, Result};
+use crate::inputs;
 use crate::npy::Element;
 use crate::spikes::{Geometry, set_bit};
 
 /// Largest packed stream held in memory.
 const MAX_PACKED: u64 = 1 << 30;
+
+/// Elements that are read in one piece.
+const LINE: usize = 64 << 10;
 
 /// Which axis of an array of three counts readouts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,9 +71,9 @@ pub(crate) fn pack(name: &str, array: &Array, axes: Axes, source: &mut impl Read
         return Err(Error::new(Kind::Input, name)
             .found(format_args!("an array {:?}", array.shape))
             .expected("at most 1 GiB of packed frames, as it has to be held in memory")
-            .remedy("save it as .npy, numpy.ascontiguousarray(a, numpy.uint8) with axes (T, H, W), which is mapped"));
+            .remedy("save it as .npy, numpy.ascontiguousarray(a, numpy.uint8) with axes (T, H, W), which is read frame by frame"));
     }
-    let mut packed = vec![0; size * readouts as usize];
+    let mut packed = inputs::zeroed(name, size * readouts as usize)?;
     let mut bits = Bits { size, top: 0.0 };
     let width = geometry.width();
     // What a step along each axis adds to the readout and to the pixel.
@@ -81,21 +85,24 @@ pub(crate) fn pack(name: &str, array: &Array, axes: Axes, source: &mut impl Read
     // From the slowest axis to the fastest.
     let order = if array.fortran { [2, 1, 0] } else { [0, 1, 2] };
     let [(slow, a), (middle, b), (fast, c)] = order.map(|k| (shape[k], steps[k]));
-    let mut line = vec![0; fast * array.element.bytes()];
+    let mut line = inputs::zeroed(name, fast.min(LINE) * array.element.bytes())?;
     for i in 0..slow {
         for j in 0..middle {
-            source.read_exact(&mut line).map_err(|e| ends(name, &e))?;
             let (t, p) = (i * a.0 + j * b.0, i * a.1 + j * b.1);
             let mut k = 0;
-            let mut wrong = None;
-            array.element.for_each(array.big_endian, &line, |value| {
-                if value != 0.0 && !bits.set(&mut packed, t + k * c.0, p + k * c.1, value) {
-                    wrong = wrong.or(Some((value, t + k * c.0, p + k * c.1)));
+            while k < fast {
+                let line = &mut line[..(fast - k).min(LINE) * array.element.bytes()];
+                source.read_exact(line).map_err(|e| ends(name, &e))?;
+                let mut wrong = None;
+                array.element.for_each(array.big_endian, line, |value| {
+                    if value != 0.0 && !bits.set(&mut packed, t + k * c.0, p + k * c.1, value) {
+                        wrong = wrong.or(Some((value, t + k * c.0, p + k * c.1)));
+                    }
+                    k += 1;
+                });
+                if let Some((value, t, p)) = wrong {
+                    return Err(no_bit(name, value, t, (p / width, p % width)));
                 }
-                k += 1;
-            });
-            if let Some((value, t, p)) = wrong {
-                return Err(no_bit(name, value, t, (p / width, p % width)));
             }
         }
     }

@@ -5,10 +5,12 @@
 //! NumPy calls every array that was given no name, so the size decides. RSIR's `seq` holds eight
 //! successive readouts of a pixel in a byte, the first one in the lowest bit, and `length` their number.
 
-use std::io::{Cursor, Read};
+use std::io::{Read, Seek};
 
 use super::{Array, Axes, Packing, meaning, pack};
 use crate::error::{Error, Kind, Result};
+use crate::formats::source::Source;
+use crate::inputs;
 use crate::npy::{Archive, Element, Header};
 use crate::spikes::{Geometry, set_bit};
 
@@ -29,8 +31,8 @@ pub(crate) struct Entry<'a> {
 }
 
 /// Reads the stream in an archive; also says which array it was.
-pub(crate) fn read(name: &str, bytes: &[u8], wanted: Entry<'_>) -> Result<(Packing, String)> {
-    let mut archive = Archive::new(name, Cursor::new(bytes))?;
+pub(crate) fn read(name: &str, source: &Source, wanted: Entry<'_>) -> Result<(Packing, String)> {
+    let mut archive = Archive::new(name, source.reader())?;
     let arrays = archive.arrays();
     let key = key(name, &arrays, wanted.key)?;
     let rsir = key == "seq" && arrays.iter().any(|a| a == "length");
@@ -39,7 +41,7 @@ pub(crate) fn read(name: &str, bytes: &[u8], wanted: Entry<'_>) -> Result<(Packi
     let subject = format!("{name}: {key}");
     let header = Header::read(&subject, &mut file)?;
     let array = meaning(&subject, &header)?;
-    if array.data_bytes().is_none_or(|n| n > MAX_RATIO.saturating_mul(bytes.len() as u64)) {
+    if array.data_bytes().is_none_or(|n| n > MAX_RATIO.saturating_mul(source.len() as u64)) {
         return Err(Error::new(Kind::Input, subject)
             .found(format_args!("an array {:?}, more than it holds", array.shape))
             .expected("an archive that numpy.savez wrote"));
@@ -113,7 +115,7 @@ pub(crate) fn ambiguous(subject: &str, shape: [u64; 3], remedy: &str) -> Error {
 }
 
 /// The one number of RSIR's `length`.
-fn length(name: &str, archive: &mut Archive<Cursor<&[u8]>>) -> Result<u64> {
+fn length(name: &str, archive: &mut Archive<impl Read + Seek>) -> Result<u64> {
     let mut bytes = Vec::new();
     let subject = format!("{name}: length");
     archive.entry("length")?.take(1 << 16).read_to_end(&mut bytes).map_err(|e| Error::io(&subject, e))?;
@@ -139,11 +141,11 @@ fn eight_a_byte(subject: &str, array: &Array, length: u64, source: &mut impl Rea
         return Err(bad(format!("{} elements", array.element)));
     }
     let size = geometry.frame_bytes();
-    if size as u64 * length > 1 << 30 {
+    if (size as u64).saturating_mul(length) > 1 << 30 {
         return Err(bad(format!("{length} readouts, beyond 1 GiB of packed frames")));
     }
-    let mut packed = vec![0; size * length as usize];
-    let mut bytes = vec![0; geometry.pixels()];
+    let mut packed = inputs::zeroed(subject, size * length as usize)?;
+    let mut bytes = inputs::zeroed(subject, geometry.pixels())?;
     for group in 0..groups as usize {
         source.read_exact(&mut bytes).map_err(|e| bad(e.to_string()))?;
         for (t, frame) in packed.chunks_exact_mut(size).skip(8 * group).take(8).enumerate() {

@@ -9,6 +9,8 @@
 //! SpikeCV's and this one, do not depend on it.
 
 use super::copy_bits;
+use crate::error::Result;
+use crate::formats::source::Source;
 
 /// Rows of a frame, and pixels of a row.
 const SIDE: usize = 1000;
@@ -29,6 +31,9 @@ const STEP: usize = 16;
 /// one frame at its start; a second one allows for a damaged one.
 const SEARCH: usize = 2 * FRAME;
 
+/// Bytes in memory while a frame is looked for at every byte.
+const WINDOW: usize = 8 * FRAME;
+
 /// The tag of a half row: (line, channel).
 fn tag(half: &[u8]) -> (u16, u16) {
     let word = u16::from_le_bytes([half[HALF - 2], half[HALF - 1]]);
@@ -44,7 +49,12 @@ fn tag_of(row: usize, half: usize) -> u16 {
 
 /// Whether a frame's worth of bytes begins and ends as a frame does.
 pub(crate) fn is_framed(file: &[u8]) -> bool {
-    tag(&file[..HALF]) == (500, 0) && tag(&file[FRAME - HALF..]) == (500, 3)
+    are_ends(&file[..HALF], &file[FRAME - HALF..])
+}
+
+/// Whether these are the first and the last half row of a frame.
+fn are_ends(first: &[u8], last: &[u8]) -> bool {
+    tag(first) == (500, 0) && tag(last) == (500, 3)
 }
 
 /// Whether all tags are possible. Pixels look like the first tag once in 4,096 places,
@@ -53,11 +63,51 @@ fn is_frame(file: &[u8]) -> bool {
     is_framed(file) && file.chunks_exact(HALF).all(|h| (1..=500).contains(&tag(h).0))
 }
 
-/// The offset of the first whole frame, which lies in steps of the link unless bytes were lost before it.
-fn synchronise(bytes: &[u8]) -> Option<usize> {
-    let last = bytes.len().checked_sub(FRAME)?.min(SEARCH);
-    let frame_at = |at: &usize| is_frame(&bytes[*at..*at + FRAME]);
-    (0..=last).step_by(STEP).find(frame_at).or_else(|| (0..=last).find(frame_at))
+/// A stretch of a file in memory, moved along while frames are looked for.
+struct Window<'a> {
+    source: &'a Source,
+    /// Bytes of the file that are looked at.
+    len: usize,
+    start: usize,
+    bytes: Vec<u8>,
+}
+
+impl<'a> Window<'a> {
+    fn new(source: &'a Source, len: usize) -> Self {
+        Self { source, len, start: 0, bytes: Vec::new() }
+    }
+
+    /// Whether a frame of possible tags begins at `at`, and a whole frame fits there.
+    fn is_frame(&mut self, at: usize) -> Result<bool> {
+        if at < self.start || at + FRAME > self.start + self.bytes.len() {
+            self.bytes.resize(WINDOW.min(self.len - at), 0);
+            self.source.read(at, &mut self.bytes)?;
+            self.start = at;
+        }
+        Ok(is_frame(&self.bytes[at - self.start..][..FRAME]))
+    }
+
+    /// Whether a frame begins and ends at `at` as frames do, by its two ends alone.
+    fn is_framed(&self, at: usize) -> Result<bool> {
+        let [mut first, mut last] = [[0; HALF]; 2];
+        self.source.read(at, &mut first)?;
+        self.source.read(at + FRAME - HALF, &mut last)?;
+        Ok(are_ends(&first, &last))
+    }
+
+    /// The first of these places at which a frame begins.
+    fn find(&mut self, mut places: impl Iterator<Item = usize>) -> Result<Option<usize>> {
+        places.find_map(|at| self.is_frame(at).map(|found| found.then_some(at)).transpose()).transpose()
+    }
+
+    /// The offset of the first whole frame, which lies in steps of the link unless bytes were lost before it.
+    fn synchronise(&mut self) -> Result<Option<usize>> {
+        let Some(last) = self.len.checked_sub(FRAME).map(|n| n.min(SEARCH)) else { return Ok(None) };
+        match self.find((0..=last).step_by(STEP))? {
+            None => self.find(0..=last),
+            found => Ok(found),
+        }
+    }
 }
 
 /// Where the frames of a recording lie.
@@ -70,28 +120,34 @@ pub(crate) struct Found {
     pub(crate) trailing: usize,
 }
 
-/// Finds all frames. Where one does not follow the other the next whole frame is looked for, at any byte; what
-/// lies between counts as the frames that it would take to hold its bytes, so a loss of whole frames leaves no trace.
-pub(crate) fn find(bytes: &[u8]) -> Option<Found> {
-    let leading = synchronise(bytes)?;
+/// Finds all frames in the first `len` bytes. Where one does not follow the other the next whole frame is looked for, at any
+/// byte; what lies between counts as the frames that it would take to hold its bytes, so a loss of whole frames leaves no trace.
+///
+/// # Errors
+/// Those of reading `source`.
+pub(crate) fn find(source: &Source, len: usize) -> Result<Option<Found>> {
+    let mut window = Window::new(source, len);
+    let Some(leading) = window.synchronise()? else { return Ok(None) };
     let (mut frames, mut at) = (Vec::new(), leading);
-    while bytes.len() - at >= FRAME {
-        if is_framed(&bytes[at..at + FRAME]) {
+    while len - at >= FRAME {
+        if window.is_framed(at)? {
             frames.push(Some(at));
             at += FRAME;
             continue;
         }
         // Pixels may look like a last tag where bytes are missing before it.
-        if frames.last().copied().flatten().is_some_and(|f| !is_frame(&bytes[f..f + FRAME])) {
+        if let Some(last) = frames.last().copied().flatten()
+            && !window.is_frame(last)?
+        {
             at -= FRAME;
             frames.pop();
         }
-        let next = (at + 1..=bytes.len() - FRAME).find(|&next| is_frame(&bytes[next..next + FRAME]));
-        let lost = next.map_or((bytes.len() - at) / FRAME, |next| (next - at).div_ceil(FRAME));
+        let next = window.find(at + 1..=len - FRAME)?;
+        let lost = next.map_or((len - at) / FRAME, |next| (next - at).div_ceil(FRAME));
         frames.extend(std::iter::repeat_n(None, lost));
         at = next.unwrap_or(at + lost * FRAME);
     }
-    Some(Found { frames, leading, trailing: bytes.len() - at })
+    Ok(Some(Found { frames, leading, trailing: len - at }))
 }
 
 pub(crate) fn encode(packed: &[u8], file: &mut [u8]) {

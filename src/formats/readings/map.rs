@@ -1,6 +1,8 @@
 //! Rate maps in the order of a file's bits, and how their pixels correlate.
 
+use crate::error::Result;
 use crate::formats::{Codec, Layout};
+use crate::inputs;
 use crate::spikes::spread;
 
 /// Standard errors of a correlation of chance that one has to exceed.
@@ -13,16 +15,20 @@ const MOST_PAIRS: usize = 1 << 18;
 pub(super) struct Bits(pub(super) Vec<u8>);
 
 impl Bits {
-    /// Counts the bits of at most 255 frames of `bytes` bytes.
-    pub(super) fn count<B: AsRef<[u8]>>(frames: impl Iterator<Item = B>, bytes: usize) -> Self {
-        let mut counts = vec![0; 8 * bytes];
-        for frame in frames {
-            for (counts, byte) in counts.as_chunks_mut::<8>().0.iter_mut().zip(frame.as_ref()) {
-                // Eight counters of a byte side by side: none can carry into the next.
-                *counts = (u64::from_le_bytes(*counts) + spread(*byte)).to_le_bytes();
-            }
+    /// Counters of frames of `bytes` bytes, at 0.
+    ///
+    /// # Errors
+    /// [`Kind::Memory`](crate::Kind::Memory) when there is no room for them.
+    pub(super) fn new(bytes: usize) -> Result<Self> {
+        inputs::zeroed("counts of a frame's bits", 8 * bytes).map(Self)
+    }
+
+    /// Adds the bits of a frame; at most 255 may be added.
+    pub(super) fn add(&mut self, frame: impl IntoIterator<Item = u8>) {
+        for (counts, byte) in self.0.as_chunks_mut::<8>().0.iter_mut().zip(frame) {
+            // Eight counters of a byte side by side: none can carry into the next.
+            *counts = (u64::from_le_bytes(*counts) + spread(byte)).to_le_bytes();
         }
-        Self(counts)
     }
 }
 

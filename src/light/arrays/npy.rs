@@ -9,6 +9,7 @@ use std::io::{BufReader, Read};
 use std::path::Path;
 
 use crate::error::{Error, Kind, Result};
+use crate::inputs::InputFile;
 use crate::light::fit::Fit;
 use crate::light::frame::{Frame, OwnedSamples, Source};
 use crate::light::rate::Rate;
@@ -40,14 +41,14 @@ impl Array {
     /// As [`Array::from_reader`]; [`Kind::Input`] too when the file ends before its array does.
     pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>) -> Result<Self> {
         let name = path.display().to_string();
-        let file = std::fs::File::open(path).map_err(|e| Error::io(&name, e))?;
-        let about = file.metadata().map_err(|e| Error::io(&name, e))?;
-        let input = Box::new(BufReader::new(file));
+        let file = InputFile::open(path)?;
+        let len = file.len();
+        let input = Box::new(BufReader::new(file.into_reader()));
         let array = Self::from_reader(input, &name, camera, fit, transfer)?;
         let wanted = array.reader.total_bytes();
-        if about.is_file() && about.len() < wanted {
+        if len < wanted {
             return Err(Error::new(Kind::Input, name)
-                .found(format_args!("{} bytes", about.len()))
+                .found(format_args!("{len} bytes"))
                 .expected(format_args!("{wanted} as the header says"))
                 .remedy("the file was cut short; save it again"));
         }

@@ -3,6 +3,7 @@
 use std::io::{ErrorKind, Read};
 
 use crate::error::{Error, Kind, Result};
+use crate::inputs::{self, MAX_PICTURE_BYTES};
 use crate::light::frame::{OwnedSamples, stored_size};
 use crate::npy::{Element, Header};
 use crate::spikes::Geometry;
@@ -35,6 +36,11 @@ impl<R: Read> Reader<R> {
         }
         let (frames, geometry) = shape(&header.shape, name)?;
         let element = header.element;
+        if (geometry.pixels() * element.bytes()) as u64 > MAX_PICTURE_BYTES {
+            return Err(Error::new(Kind::Input, name)
+                .found(format_args!("frames of {geometry}, {element}"))
+                .expected(format_args!("frames of at most {MAX_PICTURE_BYTES} bytes")));
+        }
         Ok(Self {
             name: name.to_owned(),
             reader,
@@ -98,11 +104,11 @@ impl<R: Read> Reader<R> {
             return Err(cut_short(&self.name, self.next, self.frames));
         }
         self.next += 1;
-        Ok(Some(self.decode(bytes)))
+        self.decode(bytes).map(Some)
     }
 
-    fn decode(&self, bytes: Vec<u8>) -> OwnedSamples {
-        match self.element {
+    fn decode(&self, bytes: Vec<u8>) -> Result<OwnedSamples> {
+        Ok(match self.element {
             Element::U8 => OwnedSamples::U8(bytes),
             Element::U16 => {
                 let order = if self.big_endian { u16::from_be_bytes } else { u16::from_le_bytes };
@@ -114,11 +120,11 @@ impl<R: Read> Reader<R> {
                 OwnedSamples::F32(bytes.as_chunks().0.iter().map(|b| order(*b)).collect())
             }
             other => {
-                let mut values = Vec::with_capacity(self.geometry.pixels());
+                let mut values = inputs::buffer(&self.name, self.geometry.pixels())?;
                 other.for_each(self.big_endian, &bytes, |v| values.push(v as f32));
                 OwnedSamples::F32(values)
             }
-        }
+        })
     }
 }
 

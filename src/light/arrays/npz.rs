@@ -4,13 +4,13 @@
 //! thread owns both and hands the bytes over a channel of bounded length: memory does
 //! not grow with the array, and the thread ends when the reader is dropped.
 
-use std::fs::File;
-use std::io::{BufReader, Error as IoError, ErrorKind, Read};
+use std::io::{BufReader, Error as IoError, ErrorKind, Read, Seek};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use super::npy::Array;
 use crate::error::{Error, Kind, Result};
+use crate::inputs::InputFile;
 use crate::light::fit::Fit;
 use crate::light::transfer::Transfer;
 use crate::npy::Archive;
@@ -25,8 +25,7 @@ const BLOCK: usize = 1 << 16;
 /// [`Array::from_reader`].
 pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>) -> Result<Array> {
     let name = path.display().to_string();
-    let file = File::open(path).map_err(|e| Error::io(&name, e))?;
-    let archive = Archive::new(&name, BufReader::new(file))?;
+    let archive = Archive::new(&name, BufReader::new(InputFile::open(path)?.into_reader()))?;
     let arrays = archive.arrays();
     let [array] = &arrays[..] else {
         return Err(Error::new(Kind::Input, name)
@@ -43,7 +42,11 @@ pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>)
 }
 
 /// Sends the bytes of an entry until its end, an error, or nobody wants them any more.
-fn unpack(mut archive: Archive<BufReader<File>>, entry: &str, sender: &SyncSender<std::io::Result<Vec<u8>>>) {
+fn unpack(
+    mut archive: Archive<impl Read + Seek>,
+    entry: &str,
+    sender: &SyncSender<std::io::Result<Vec<u8>>>,
+) {
     let mut entry = match archive.entry(entry) {
         Ok(entry) => entry,
         Err(e) => {

@@ -115,7 +115,7 @@ fn list(folder: &Path) -> Result<(Vec<PathBuf>, Vec<String>, usize)> {
         let path = entry.map_err(refused)?.path();
         if name(&path).starts_with('.') {
             hidden += 1;
-        } else if picture::is_picture(&path) && path.is_file() {
+        } else if picture::is_picture(&path) && std::fs::metadata(&path).is_ok_and(|about| !about.is_dir()) {
             files.push(path);
         } else {
             ignored.push(name(&path));

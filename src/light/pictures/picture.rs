@@ -4,13 +4,14 @@
 //! would blend it with. Embedded colour profiles are ignored too; the declared
 //! transfer function decides.
 
-use std::io::ErrorKind;
+use std::io::{BufReader, ErrorKind};
 use std::path::Path;
 
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use crate::error::{Error, Kind, Result};
+use crate::inputs::{self, Cursor, InputFile};
 use crate::light::frame::{Frame, OwnedSamples, stored_size};
 use crate::light::transfer::{Curve, Transfer};
 use crate::sensor::FrontEnd;
@@ -147,25 +148,39 @@ const fn is_turned(orientation: Orientation) -> bool {
 /// [`Kind::Io`] when the file cannot be read, [`Kind::Input`] when it is no image, is damaged, or holds light
 /// that is negative or not finite.
 pub fn read(path: &Path, linear: &Linear) -> Result<Frame> {
-    let decoded = decode(reader(path)?).map_err(|e| undecodable(path, e))?;
+    let decoded = decode(path)?;
     linearise(decoded, linear).map_err(|e| e.within(path.display()))
 }
 
-type Reader = ImageReader<std::io::BufReader<std::fs::File>>;
+type Reader = ImageReader<BufReader<Cursor<InputFile>>>;
 
-fn decode(reader: Reader) -> std::result::Result<DynamicImage, ImageError> {
-    let mut decoder = reader.into_decoder()?;
-    Limits::default().reserve(decoder.total_bytes())?;
+fn decode(path: &Path) -> Result<DynamicImage> {
+    let refused = |e| undecodable(path, e);
+    let reader = reader(path)?;
+    let mut decoder = reader.into_decoder().map_err(refused)?;
+    limits().reserve(decoder.total_bytes()).map_err(refused)?;
+    // The decoder and what follows abort the process where memory is missing, so room for both is asked for first.
+    drop(inputs::buffer::<u16>(path.display(), decoder.total_bytes() as usize)?);
     let turn = orientation(&mut decoder);
-    let mut image = DynamicImage::from_decoder(decoder)?;
+    let mut image = DynamicImage::from_decoder(decoder).map_err(refused)?;
     image.apply_orientation(turn);
     Ok(image)
 }
 
+/// What a picture may take while it is decoded.
+fn limits() -> Limits {
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(inputs::MAX_PICTURE_BYTES);
+    limits
+}
+
 fn reader(path: &Path) -> Result<Reader> {
-    let reader = ImageReader::open(path)
-        .and_then(ImageReader::with_guessed_format)
-        .map_err(|e| Error::io(path.display(), e))?;
+    let mut reader = ImageReader::new(BufReader::new(InputFile::open(path)?.into_reader()));
+    reader.limits(limits());
+    if let Ok(format) = ImageFormat::from_path(path) {
+        reader.set_format(format);
+    }
+    let reader = reader.with_guessed_format().map_err(|e| Error::io(path.display(), e))?;
     let exr = reader.format() == Some(ImageFormat::OpenExr);
     Error::require(format_args!("{}: EXR pictures", path.display()), "exr", !exr || cfg!(feature = "exr"))?;
     Ok(reader)

@@ -9,9 +9,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread::JoinHandle;
 
-use super::probe::{Probe, missing};
+use super::probe::{Probe, missing, one_file};
 use super::y4m::Video;
 use crate::error::{Error, Kind, Result};
+use crate::inputs::InputFile;
 use crate::light::fit::Fit;
 use crate::light::frame::{Frame, Source};
 use crate::light::pictures::picture::Linear;
@@ -31,12 +32,9 @@ struct Process {
 
 impl Process {
     fn start(path: &Path, program: &str, filters: &str) -> Result<Self> {
-        // The prefix keeps names with a colon, or a leading dash, from meaning something else.
-        let mut input = std::ffi::OsString::from("file:");
-        input.push(path);
         let mut child = Command::new(program)
-            .args(["-nostdin", "-v", "error", "-i"])
-            .arg(input)
+            .args(["-nostdin", "-v", "error"])
+            .args(one_file(path))
             .args(["-map", "0:v:0", "-vf", filters])
             .args(each_frame_once(program)?)
             // More than 8 bits, and other names of grey, are not strict y4m.
@@ -130,7 +128,8 @@ impl Decoded {
     /// # Errors
     /// As [`Decoded::open`].
     pub fn open_with(program: &str, path: &Path, camera: Geometry, fit: Fit, linear: Linear) -> Result<Self> {
-        std::fs::File::open(path).map_err(|e| Error::io(path.display(), e))?;
+        // ffmpeg would wait for a pipe without end.
+        InputFile::open(path)?;
         let probe = Probe::of(path, program)?;
         let mut process = Process::start(path, program, &probe.filters())?;
         let name = path.display().to_string();

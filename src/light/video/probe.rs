@@ -4,6 +4,7 @@
 //! becomes 4080 of 4095, and luminance comes out up to a code too dark or too bright. So ffmpeg only decodes and
 //! repacks, and [`super::yuv`] does the arithmetic.
 
+use std::ffi::OsString;
 use std::io::ErrorKind;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -72,8 +73,6 @@ impl Probe {
     /// The `key=value` lines of these entries of the first video stream.
     fn ask(path: &Path, program: &str, entries: &str) -> Result<String> {
         let name = path.display();
-        let mut input = std::ffi::OsString::from("file:");
-        input.push(path);
         let probe = match program.strip_suffix("ffmpeg") {
             Some(folder) => format!("{folder}ffprobe"),
             None => "ffprobe".to_owned(),
@@ -81,7 +80,7 @@ impl Probe {
         let ran = Command::new(&probe)
             .args(["-v", "error", "-select_streams", "v:0", "-of", "default=noprint_wrappers=1"])
             .args(["-show_entries", entries])
-            .arg(input)
+            .args(one_file(path))
             .stdin(Stdio::null())
             .output()
             .map_err(|e| missing(&probe, e))?;
@@ -168,6 +167,20 @@ impl Probe {
             _ => Known { matrix: self.matrix, full: Some(self.is_full()) },
         }
     }
+}
+
+/// Containers that hold their video themselves. Playlists and the like (hls, dash, concat, image2), which name other files, are
+/// not among them.
+const CONTAINERS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegvideo,mpegts,asf,flv,live_flv,ogg,gif,mxf,m4v,\
+                          h264,hevc,ivf,nut,yuv4mpegpipe";
+
+/// The arguments of ffmpeg and ffprobe for the input `path`, of which no other file and no network is read.
+pub(super) fn one_file(path: &Path) -> [OsString; 6] {
+    // The prefix keeps names with a colon, or a leading dash, from meaning something else.
+    let mut input = OsString::from("file:");
+    input.push(path);
+    let [formats, protocols] = ["-format_whitelist", "-protocol_whitelist"].map(OsString::from);
+    [formats, CONTAINERS.into(), protocols, "file,pipe".into(), "-i".into(), input]
 }
 
 /// The error of a program that does not start.

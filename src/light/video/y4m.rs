@@ -14,6 +14,7 @@ use std::path::Path;
 
 use super::yuv::Known;
 use crate::error::{Error, Kind, Result};
+use crate::inputs::InputFile;
 use crate::light::fit::Fit;
 use crate::light::frame::{Frame, Source};
 use crate::light::pictures::picture::Linear;
@@ -40,13 +41,9 @@ impl Video {
     /// As [`Reader::new`]; [`Kind::Input`] too when the last frame is cut short or there is none.
     pub fn open(path: &Path, camera: Geometry, fit: Fit, linear: Linear) -> Result<Self> {
         let name = path.display().to_string();
-        let open = || std::fs::File::open(path).map_err(|e| Error::io(&name, e));
-        let mut video = Self::from_reader(Box::new(open()?), &name, camera, fit, linear)?;
-        if !path.is_file() {
-            // A named pipe can be read only once.
-            return Ok(video);
-        }
-        let frames = video.reader.count(open()?)?;
+        let input = Box::new(InputFile::open(path)?.into_reader());
+        let mut video = Self::from_reader(input, &name, camera, fit, linear)?;
+        let frames = video.reader.count(&InputFile::open(path)?)?;
         if frames == 0 {
             return Err(Error::new(Kind::Input, name).found("no frame").expected("at least one frame"));
         }

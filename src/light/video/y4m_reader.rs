@@ -6,11 +6,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::yuv::{Known, Layout, chroma};
 use crate::error::{Error, Kind, Result};
+use crate::inputs::{self, InputFile, MAX_PICTURE_BYTES};
 use crate::light::frame::{Frame, OwnedSamples, stored_size};
 use crate::light::pictures::picture::Linear;
 use crate::light::rate::Rate;
 use crate::spikes::Geometry;
-use ::y4m::Decoder;
+use ::y4m::{Decoder, Limits};
 
 use super::yuv::Matrix;
 
@@ -65,7 +66,8 @@ impl<R: Read> Reader<R> {
         let depth = shallow(&mut header);
         let taken = Arc::new(AtomicU64::new(0));
         let input = Counted { inner: Cursor::new(header).chain(reader), taken: Arc::clone(&taken) };
-        let decoder = Decoder::new(input).map_err(|e| damaged(name, &e))?;
+        let limits = Limits { bytes: MAX_PICTURE_BYTES as usize };
+        let decoder = Decoder::new_with_limits(input, limits).map_err(|e| damaged(name, &e))?;
         let (width, height) = (decoder.get_width(), decoder.get_height());
         let geometry = stored_size(width as u64, height as u64, name)?;
         let chroma = chroma(decoder.get_colorspace());
@@ -158,6 +160,7 @@ fn damaged(name: &str, error: &::y4m::Error) -> Error {
     let found = match error {
         ::y4m::Error::UnknownColorspace => "a colour space that is not known here".to_owned(),
         ::y4m::Error::EOF => "no complete header".to_owned(),
+        ::y4m::Error::OutOfMemory => format!("frames of more than {MAX_PICTURE_BYTES} bytes"),
         other => other.to_string(),
     };
     Error::new(Kind::Input, name)
@@ -189,7 +192,10 @@ fn check_header(header: &[u8], name: &str) -> Result<()> {
             _ => {}
         }
     }
-    stored_size(sides[0].into(), sides[1].into(), name).map(|_| ())
+    let geometry = stored_size(sides[0].into(), sides[1].into(), name)?;
+    // The decoder aborts the process where memory is missing, so room for its three planes, and for the light of a frame, is
+    // asked for first.
+    inputs::buffer::<[u16; 4]>(name, geometry.pixels()).map(drop)
 }
 
 fn tokens(header: &[u8]) -> impl Iterator<Item = &[u8]> {
@@ -223,10 +229,10 @@ fn range(header: &[u8]) -> Option<bool> {
 
 impl<R: Read> Reader<R> {
     /// Counts the frames of the file that this reader reads, skipping their contents.
-    pub(super) fn count(&self, file: std::fs::File) -> Result<u64> {
+    pub(super) fn count(&self, file: &InputFile) -> Result<u64> {
         let refused = |e| Error::io(&self.name, e);
-        let length = file.metadata().map_err(refused)?.len();
-        let mut file = BufReader::with_capacity(256, file);
+        let length = file.len();
+        let mut file = BufReader::with_capacity(256, file.reader());
         let mut line = Vec::new();
         file.by_ref().take(LINE).read_until(b'\n', &mut line).map_err(refused)?;
         let mut at = line.len() as u64;

@@ -12,6 +12,7 @@ use super::scatter::{Scatter, gap};
 use super::values::Quantity;
 use crate::error::Result;
 use crate::formats::Reader;
+use crate::inputs;
 use crate::measure::stream::{bands, joined};
 use crate::measure::{Accumulator, MeasureOptions, Statistics};
 use crate::spikes::{Geometry, Packed};
@@ -131,8 +132,9 @@ impl Recording {
         let geometry = reader.geometry();
         let mut recorder = Recorder::new(geometry, reader.readouts())?;
         let size = geometry.frame_bytes();
-        let [mut now, mut next] = [(); 2].map(|()| vec![0; BATCH * size]);
         let all = reader.readouts();
+        let room = || inputs::zeroed(reader.name(), BATCH.min(all) * size);
+        let (mut now, mut next) = (room()?, room()?);
         let batch = |at: usize| at..(at + BATCH).min(all);
         reader.read_frames(0, &mut now[..batch(0).len() * size])?;
         let mut at = 0;
@@ -143,7 +145,6 @@ impl Recording {
             let read = || reader.read_frames(then.start, &mut next[..then.len() * size]);
             let (measured, read) = rayon::join(measured, read);
             measured.and(read)?;
-            reader.release(here.clone());
             std::mem::swap(&mut now, &mut next);
             at = here.end;
             tell(at);

@@ -182,7 +182,6 @@ fn judge(
             all.push(pictures);
             progress.step(all.len() as u64, Some(moments.len() as u64))?;
         }
-        reader.release(0..batch[0].at.saturating_sub(still::REACH));
     }
     Ok(all)
 }

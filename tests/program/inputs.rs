@@ -1,0 +1,176 @@
+//! Inputs that are no regular files, that change, or that claim more than they hold.
+
+use std::os::unix::fs::symlink;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::program_support::{Place, Ran, npy_f32, y4m};
+
+/// Longer than any of these commands takes, for one that waits without end.
+const LIMIT: Duration = Duration::from_secs(60);
+
+/// Runs a command that has to end by itself.
+fn run(place: &Place, line: &str) -> Ran {
+    let mut child =
+        place.command(line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program");
+    let start = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if start.elapsed() > LIMIT {
+            child.kill().unwrap();
+            panic!("{line}: waits without end");
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    Ran::of(line, child.wait_with_output().unwrap())
+}
+
+/// Every kind of input: its name, and a command that reads it.
+const ENTRIES: [(&str, &str); 17] = [
+    ("a.png", "simulate a.png --readouts 5 -o o"),
+    ("a.jpg", "simulate a.jpg --readouts 5 -o o"),
+    ("a.exr", "simulate a.exr --readouts 5 -o o"),
+    ("a.mp4", "simulate a.mp4 -o o"),
+    ("a.y4m", "simulate a.y4m -o o"),
+    ("a.npy", "simulate a.npy -o o"),
+    ("a.npz", "simulate a.npz -o o"),
+    ("folder/1.png", "simulate folder -o o --width 8 --height 8"),
+    ("timed/timestamps.txt", "simulate timed -o o --width 8 --height 8"),
+    ("camera.toml", "simulate --source chart --readouts 5 --camera camera.toml -o o"),
+    ("shown.toml", "preset show shown.toml"),
+    ("recordings.toml", "calibrate recordings.toml -o o"),
+    ("maps.npz", "calibrate maps.npz -o o"),
+    ("s.dat", "inspect s.dat --width 8 --height 2"),
+    ("s.npy", "inspect s.npy"),
+    ("s.npz", "inspect s.npz --width 8 --height 2"),
+    ("v.dat", "convert v.dat o.npy --width 8 --height 2"),
+];
+
+fn place() -> Place {
+    let place = Place::new();
+    for folder in ["folder", "timed"] {
+        std::fs::create_dir(place.path(folder)).unwrap();
+        place.picture(&format!("{folder}/0.png"), 8, 8, 100);
+    }
+    place.picture("timed/1.png", 8, 8, 200);
+    place
+}
+
+#[test]
+fn a_pipe_is_refused_at_once_at_every_entry() {
+    let place = place();
+    for (name, line) in ENTRIES {
+        assert!(Command::new("mkfifo").arg(place.path(name)).status().unwrap().success());
+        let ran = run(&place, line);
+        assert_eq!(ran.code, 4, "{line}: {}", ran.stderr);
+        assert!(ran.stderr.contains("a pipe or device"), "{line}: {}", ran.stderr);
+    }
+}
+
+#[test]
+fn a_device_without_end_is_refused_at_every_entry() {
+    let place = place();
+    for (name, line) in ENTRIES {
+        symlink("/dev/zero", place.path(name)).unwrap();
+        let ran = run(&place, line);
+        assert_eq!(ran.code, 4, "{line}: {}", ran.stderr);
+        assert!(ran.stderr.contains("a pipe or device"), "{line}: {}", ran.stderr);
+    }
+}
+
+#[test]
+fn a_folder_is_refused_where_a_file_is_meant() {
+    let place = place();
+    // A folder with the name of a picture or video is one of pictures, and a picture that is a folder is left out.
+    for (name, line) in ENTRIES.into_iter().filter(|(name, _)| !name.starts_with("folder/")) {
+        std::fs::create_dir(place.path(name)).unwrap();
+        let ran = run(&place, line);
+        // `calibrate` offers to list the recordings of a folder.
+        let code = if line.starts_with("calibrate") { 2 } else { 4 };
+        assert_eq!(ran.code, code, "{line}: {}", ran.stderr);
+    }
+}
+
+/// Runs a command with `megabytes` of address space.
+fn run_within(place: &Place, megabytes: u32, line: &str) -> Ran {
+    let shell =
+        format!("ulimit -v {}; exec {} {line} --threads 1", megabytes << 10, env!("CARGO_BIN_EXE_spikelane"));
+    let mut command = Command::new("sh");
+    command.args(["-c", &shell]).current_dir(place.path(".")).stdin(Stdio::null());
+    Ran::of(line, command.output().unwrap())
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn memory_that_is_missing_for_an_input_is_an_error_with_a_code() {
+    let place = Place::new();
+    // A bitmap of 12000 x 12000 pixels, all of which are holes in the file.
+    let mut header = b"BM".to_vec();
+    for word in [54 + 432_000_000_u32, 0, 54, 40, 12_000, 12_000, 24 << 16 | 1, 0, 0, 0, 0, 0, 0] {
+        header.extend(word.to_le_bytes());
+    }
+    let long = |name: &str, head: &[u8], len: u64| {
+        let path = place.write(name, head);
+        std::fs::File::options().write(true).open(path).unwrap().set_len(len).unwrap();
+    };
+    long("a.bmp", &header, 54 + 432_000_000);
+    long("a.y4m", b"YUV4MPEG2 W16000 H8000 F25:1 Ip A1:1 C444\nFRAME\n", 48 + 384_000_000);
+    let array = npy_f32([1, 10_000, 10_000], &[]);
+    long("a.npy", &array, array.len() as u64 + 400_000_000);
+    for name in ["a.bmp", "a.y4m", "a.npy"] {
+        let line = format!("simulate {name} --readouts 2 -o o --width 8 --height 8");
+        let ran = run_within(&place, 300, &line);
+        assert_eq!(ran.code, 11, "{line}: {}", ran.stderr);
+        assert!(ran.stderr.contains(name), "{line}: {}", ran.stderr);
+    }
+}
+
+#[test]
+fn archives_and_headers_that_claim_more_than_a_sensor_has_are_refused() {
+    let place = Place::new();
+    let file = std::fs::File::create(place.path("bomb.npz")).unwrap();
+    let mut zip = zip::ZipWriter::new(file);
+    for name in ["D_light", "Nd"] {
+        zip.start_file(format!("{name}.npy"), zip::write::SimpleFileOptions::default()).unwrap();
+        std::io::Write::write_all(&mut zip, &npy_f32([1, 16_384, 16_383], &[])).unwrap();
+    }
+    zip.finish().unwrap();
+    place.refused("calibrate bomb.npz -o o", 4, &["at most 16777216 values"]);
+    let head = |w: u32, h: u32| format!("YUV4MPEG2 W{w} H{h} F25:1 Ip A1:1 C444\n");
+    place.write("bomb.y4m", head(16_000, 16_000));
+    place.refused("simulate bomb.y4m -o o", 4, &["frames of more than 536870912 bytes"]);
+    place.write("bomb.npy", npy_f32([3, 16_000, 16_000], &[]));
+    place.refused("simulate bomb.npy -o o", 4, &["frames of at most 536870912 bytes"]);
+    place.write("good.y4m", y4m(8, 8, &[9]));
+    place.good("simulate good.y4m -o good --width 8 --height 8 --readouts 4");
+}
+
+#[test]
+fn a_playlist_under_the_name_of_a_video_reads_no_other_file() {
+    let place = Place::new();
+    place.write("other.y4m", y4m(64, 48, &[9; 30]));
+    let text = format!("#EXTM3U\n#EXT-X-MEDIA-SEQUENCE:0\n#EXTINF:10.0,\n{}\n#EXT-X-ENDLIST\n", "other.y4m");
+    for name in ["clip.mp4", "-clip.mp4", "clip:1.mp4"] {
+        place.write(name, &text);
+        // Without ffmpeg the code is the same.
+        place.refused(&format!("simulate -o o --width 32 --height 24 -- {name}"), 8, &[]);
+    }
+}
+
+#[test]
+fn a_ring_that_is_emptied_ends_the_camera_with_a_code_and_removes_the_name() {
+    let place = Place::new();
+    let ring = place.path("ring");
+    let line =
+        format!("live --source chart --width 32 --height 24 --readout-hz 2000 --sink shm:{}", ring.display());
+    let child = place.command(&line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let start = Instant::now();
+    while !std::fs::metadata(&ring).is_ok_and(|about| about.len() > 0) {
+        assert!(start.elapsed() < LIMIT, "no ring");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    std::fs::File::create(&ring).unwrap();
+    let ran = Ran::of(&line, child.wait_with_output().unwrap());
+    assert_eq!(ran.code, 5, "{}", ran.stderr);
+    assert!(ran.stderr.contains("shortened"), "{}", ran.stderr);
+    assert!(!ring.exists());
+}
