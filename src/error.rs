@@ -6,6 +6,7 @@
 mod nearest;
 
 use std::fmt;
+use std::io::ErrorKind;
 
 /// What sort of mistake it is; see `docs/reference/errors.md` for the exit codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -19,7 +20,7 @@ pub enum Kind {
     Input,
     /// The operating system refused to read or write.
     Io,
-    /// The disk cannot hold the result.
+    /// The disk cannot hold the result, or a limit on the size of files forbids it.
     Space,
     /// The output exists and nobody allowed overwriting it.
     Exists,
@@ -132,12 +133,24 @@ impl Error {
             Err(source) => source,
         };
         let kind = match source.kind() {
-            std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => Kind::Space,
-            std::io::ErrorKind::AlreadyExists => Kind::Exists,
-            std::io::ErrorKind::OutOfMemory => Kind::Memory,
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => Kind::Space,
+            ErrorKind::AlreadyExists => Kind::Exists,
+            ErrorKind::OutOfMemory => Kind::Memory,
             _ => Kind::Io,
         };
         let mut error = Self::new(kind, subject).found(&source);
+        error = match source.kind() {
+            ErrorKind::FileTooLarge => error
+                .expected("a file within the size limit of this process and of the file system")
+                .remedy("raise the limit (ulimit -f), or choose another file system"),
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
+                error.remedy("free some space, or choose another disk")
+            }
+            ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
+                error.remedy("give this user access to it, or choose another place")
+            }
+            _ => error,
+        };
         error.source = Some(source);
         error
     }

@@ -13,7 +13,7 @@ const BEGIN: &str = "<!-- generated: begin -->\n";
 const END: &str = "<!-- generated: end -->\n";
 
 /// Flags that every command has.
-const EVERYWHERE: &[&str] = &["--json", "--verbose", "--help", "--version"];
+const EVERYWHERE: &[&str] = &["--json", "--verbose", "--record-paths", "--help", "--version"];
 
 /// What `--help` says of a command.
 struct Help {

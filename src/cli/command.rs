@@ -5,15 +5,15 @@ use clap::{Parser, Subcommand};
 use super::bench;
 use super::making::{dataset, live, scene, simulate};
 use super::sensors::{calibrate, compare, diagnose, measure, record};
-use super::streams::{convert, evaluate, inspect, reconstruct, verify};
+use super::streams::{convert, evaluate, inspect, partials, reconstruct, verify};
 use super::words::{completions, effects, man, preset};
 
 /// Simulate spike cameras: light in, bit-packed spike streams out.
 ///
 /// Without a command it draws a driving scene, simulates it into ./out and says what it did.
 /// Exit codes: 0 done, 2 usage, 3 camera or preset, 4 input, 5 system, 6 no space,
-/// 7 output exists, 8 ffmpeg, 9 digest does not match, 10 another process is at it, 75 queue it
-/// again, 130 interrupted.
+/// 7 output exists, 8 ffmpeg, 9 digest does not match, 10 another process writes it, 11 no
+/// memory, 75 queue it again, 130 interrupted.
 #[derive(Parser)]
 #[command(name = "spikelane", version, max_term_width = 100)]
 pub(super) struct Cli {
@@ -25,6 +25,9 @@ pub(super) struct Cli {
     /// Also say how the time was spent
     #[arg(short, long, global = true)]
     pub(super) verbose: bool,
+    /// Record absolute paths in sidecars and reports as they were given, not the file names alone
+    #[arg(long, global = true, hide_short_help = true)]
+    pub(super) record_paths: bool,
 }
 
 #[derive(Subcommand)]
@@ -34,6 +37,7 @@ pub(super) enum Command {
     Inspect(inspect::Args),
     Convert(convert::Args),
     Verify(verify::Args),
+    Partials(partials::Args),
     Reconstruct(reconstruct::Args),
     Evaluate(evaluate::Args),
     Preset(preset::Args),

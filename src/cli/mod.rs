@@ -17,7 +17,7 @@ use command::Command;
 use making::{dataset, first_run, live, scene, simulate};
 use sensors::{calibrate, compare, diagnose, measure, record};
 use shared::output::{self, Out};
-use streams::{convert, evaluate, inspect, reconstruct, verify};
+use streams::{convert, evaluate, inspect, partials, reconstruct, verify};
 use words::{completions, effects, help, man, preset};
 
 /// Parses `args`, the program's name first, runs the command, and returns the exit code: what `main` of the
@@ -28,8 +28,9 @@ pub fn main(args: impl IntoIterator<Item = impl Into<OsString>>) -> u8 {
         Ok(cli) => cli,
         Err(code) => return code,
     };
-    output::remember_command(&args);
+    output::remember_command(&args, cli.record_paths);
     let out = Out::new(cli.json, cli.verbose);
+    shared::limits::report_file_size();
     // The library falls back to the fastest; who asks for a backend by name wants that one.
     match Backend::from_environment().and_then(|_| dispatch(cli.command, &out)) {
         Ok(()) => 0,
@@ -48,6 +49,7 @@ fn dispatch(command: Option<Command>, out: &Out) -> Result<()> {
         Some(Command::Inspect(args)) => inspect::run(&args, out),
         Some(Command::Convert(args)) => convert::run(&args, out),
         Some(Command::Verify(args)) => verify::run(&args, out),
+        Some(Command::Partials(args)) => partials::run(&args, out),
         Some(Command::Reconstruct(args)) => reconstruct::run(&args, out),
         Some(Command::Evaluate(args)) => evaluate::run(&args, out),
         Some(Command::Preset(args)) => preset::run(&args, out),

@@ -11,7 +11,7 @@ use crate::dataset::views::{self, Views};
 use crate::dataset::{DatasetOptions, Entry, Manifest, Record, Status, Work, card, sequence};
 use crate::error::{Error, Kind, Result};
 use crate::inputs::{Access, InnerPath};
-use crate::storage::{self, trees};
+use crate::storage::{self, OutputSet, trees};
 
 /// How far a dataset is.
 #[derive(Clone, Copy, Debug)]
@@ -133,6 +133,8 @@ fn plan(options: &DatasetOptions) -> Result<Manifest> {
 /// # Errors
 /// See above, and as [`estimate`]; [`Kind::Space`] before the start when the estimate does not fit.
 pub fn make(options: &DatasetOptions, watch: &mut dyn FnMut(Progress<'_>) -> Result<()>) -> Result<Report> {
+    // Held to the end; it also shows beforehand that the folder takes files.
+    let _claim = OutputSet::claim_folder(&options.output)?;
     let mut manifest = plan(options)?;
     let needed = estimate(options)?.bytes;
     let free = storage::free_space(&options.output)?;

@@ -256,10 +256,10 @@ impl StreamWriter {
                 .found(format_args!("{} frames", self.written))
                 .expected(format_args!("{} before the end", self.readouts)));
         }
-        let done = self.writer.finish()?;
-        if self.replaces {
-            forget_sidecar(&done.path)?;
-        }
+        // What speaks of the old stream goes before the new one gets its name.
+        let sidecar = own_sidecar(self.writer.path());
+        let stale: &[&Path] = if self.replaces { &[&sidecar] } else { &[] };
+        let done = self.writer.finish_replacing(stale)?;
         Ok(Finished { path: done.path, bytes: done.bytes, digest: self.digest.text(), sync: done.sync })
     }
 }
@@ -280,13 +280,4 @@ pub(crate) fn own_sidecar(path: &Path) -> PathBuf {
     let mut whole = path.as_os_str().to_os_string();
     whole.push(".json");
     PathBuf::from(whole)
-}
-
-/// Removes what speaks of a stream that was replaced.
-fn forget_sidecar(path: &Path) -> Result<()> {
-    let sidecar = own_sidecar(path);
-    match std::fs::remove_file(&sidecar) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(sidecar.display(), e)),
-        _ => Ok(()),
-    }
 }

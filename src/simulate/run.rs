@@ -14,6 +14,7 @@ use crate::simulate::Simulator;
 use crate::simulate::clear::looks::{Glance, Glances, Looks};
 use crate::simulate::feed::{self, Feeder, Piece};
 use crate::simulate::writing::{self, Stream, Writing};
+use crate::storage;
 
 /// Readouts between two writes: two of the simulator's batches.
 const READOUTS: usize = 256;
@@ -313,14 +314,7 @@ fn step(
 
 /// Gives the files their names: all of them or none.
 fn finish(job: &Run, streams: Vec<Stream>) -> Result<(Vec<Written>, Duration)> {
-    for path in &job.stale {
-        match std::fs::remove_file(path) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
-                return Err(Error::io(path.display(), e));
-            }
-            _ => {}
-        }
-    }
+    job.stale.iter().try_for_each(|path| storage::remove_old(path))?;
     let (mut files, mut synced) = (Vec::new(), Duration::ZERO);
     for Stream { writer, spikes } in streams {
         match writer.finish() {

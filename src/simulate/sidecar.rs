@@ -332,9 +332,11 @@ pub fn save_camera(camera: &Camera, folder: &Path, force: bool) -> Result<PathBu
             .remedy("choose another folder, or allow overwriting (--force)"));
     }
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
+    let mut group = storage::FileGroup::new(force);
     for (name, bytes) in &saved.maps {
-        storage::write_small(&folder.join(name), bytes, force)?;
+        group.write(&folder.join(name), bytes)?;
     }
-    storage::write_small(&path, saved.text.as_bytes(), force)?;
+    group.write(&path, saved.text.as_bytes())?;
+    group.commit()?;
     Ok(path)
 }

@@ -6,16 +6,28 @@
 //! mapped a window at a time, so that memory does not grow with their length.
 
 mod digest;
+mod group;
+#[cfg(feature = "scene")]
+mod lock;
+#[cfg(feature = "scene")]
+mod outputs;
 mod partial;
 mod shared;
 mod shortened;
 pub(crate) mod steps;
 #[cfg(feature = "scene")]
 pub(crate) mod trees;
+#[cfg(feature = "cli")]
+pub(crate) mod unfinished;
 mod words;
 mod writer;
 
 pub use digest::Digest;
+pub(crate) use group::FileGroup;
+#[cfg(feature = "scene")]
+pub(crate) use outputs::OutputSet;
+#[cfg(feature = "cli")]
+pub(crate) use partial::Partial;
 pub use shared::Shared;
 pub(crate) use words::Words;
 pub use writer::{Finished, Writer};
@@ -52,9 +64,14 @@ pub(crate) fn write_renewable(path: &Path, bytes: &[u8]) -> Result<()> {
 /// Whether `names` in `folder` may be written: asked before hours of work, not after.
 ///
 /// # Errors
-/// [`Kind::Exists`](crate::Kind::Exists) when one exists and `force` is false, or is a directory.
+/// [`Kind::Exists`](crate::Kind::Exists) when one exists and `force` is false, or when it is no plain file.
 pub fn refuse_existing(folder: &Path, names: &[&str], force: bool) -> Result<()> {
     names.iter().try_for_each(|name| partial::refuse_existing(&folder.join(name), force))
+}
+
+/// Removes a file that new ones replace or make untrue, if it is there.
+pub(crate) fn remove_old(path: &Path) -> Result<()> {
+    partial::remove_old(path)
 }
 
 /// Bytes that an ordinary user may still write to the disk that holds (or will hold) `path`.

@@ -171,10 +171,15 @@ impl Writer {
     /// # Errors
     /// [`Kind::Exists`] when a file of that name appeared meanwhile (unless
     /// forced; it stays, and this one is removed); what the operating system refuses.
-    pub fn finish(mut self) -> Result<Finished> {
+    pub fn finish(self) -> Result<Finished> {
+        self.finish_replacing(&[])
+    }
+
+    /// As [`finish`](Self::finish); removes the files in `stale`, which the new one makes untrue, before it gets its name.
+    pub(crate) fn finish_replacing(mut self, stale: &[&Path]) -> Result<Finished> {
         self.window = None;
         let path = self.path().to_path_buf();
-        let sync = self.partial.commit()?;
+        let sync = self.partial.commit_replacing(stale)?;
         Ok(Finished { path, bytes: self.bytes, sync })
     }
 
@@ -259,7 +264,9 @@ fn check_space(path: &Path, needed: u64) -> Result<()> {
 pub(super) fn reserve_error(path: &Path, needed: u64, e: std::io::Error) -> Error {
     let error = Error::io(path.display(), e);
     match error.kind() {
-        Kind::Space => space(path, needed, free_bytes(path).unwrap_or(0)),
+        Kind::Space if needed > free_bytes(path).unwrap_or(0) => {
+            space(path, needed, free_bytes(path).unwrap_or(0))
+        }
         _ => error,
     }
 }

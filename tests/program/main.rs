@@ -13,6 +13,10 @@ mod evaluate;
 mod finite_numbers;
 #[cfg(unix)]
 mod inputs;
+#[cfg(unix)]
+mod outputs;
 mod shards;
 mod simulate;
+#[cfg(unix)]
+mod stopped;
 mod streams;

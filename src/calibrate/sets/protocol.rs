@@ -150,6 +150,10 @@ impl Protocol {
             at += now as u64;
             tell(at as f64 / end as f64);
         }
+        if force {
+            // What speaks of the old stream goes before the new one gets its name.
+            crate::storage::remove_old(&path.with_extension("json"))?;
+        }
         let done = writer.finish()?;
         let written = Written { spikes: fired, path: done.path, bytes: done.bytes, digest: done.digest };
         let facts = StreamFacts::new(&written, geometry, end);

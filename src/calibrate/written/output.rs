@@ -141,7 +141,8 @@ impl Calibration {
 /// When a file exists and `force` is not set, or cannot be written.
 pub fn write(calibration: &Calibration, folder: &Path, force: bool) -> Result<Files> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
-    let put = |name: &str, bytes: &[u8]| crate::storage::write_small(&folder.join(name), bytes, force);
+    let mut group = crate::storage::FileGroup::new(force);
+    let mut put = |name: &str, bytes: &[u8]| group.write(&folder.join(name), bytes);
     let saved = crate::presets::to_toml(&calibration.camera()?)?;
     for (name, bytes) in &saved.maps {
         put(name, bytes)?;
@@ -156,6 +157,7 @@ pub fn write(calibration: &Calibration, folder: &Path, force: bool) -> Result<Fi
     let text = serde_json::to_string_pretty(&calibration.to_json());
     put("calibration.json", text.map_err(|e| Error::new(Kind::Config, "calibration").found(e))?.as_bytes())?;
     put("report.html", page(calibration)?.as_bytes())?;
+    group.commit()?;
     Ok(Files {
         camera: folder.join("camera.toml"),
         json: folder.join("calibration.json"),

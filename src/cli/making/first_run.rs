@@ -18,7 +18,6 @@ const FOLDER: &str = "out";
 const MOST: usize = 1000;
 
 pub(crate) fn run(out: &Out) -> Result<()> {
-    std::fs::create_dir_all(FOLDER).map_err(|e| Error::io(FOLDER, e))?;
     let (stem, again) = stem()?;
     let args = Args { force: again, ..arguments(&stem)? };
     out.say(format_args!(

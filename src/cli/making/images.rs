@@ -29,10 +29,7 @@ impl Folder {
     pub(crate) fn begin(args: ImageArgs, place: &Path) -> Result<Option<Self>> {
         let Some(every) = args.images_every else { return Ok(None) };
         let name = place.file_name().unwrap_or_default();
-        let mut hidden = std::ffi::OsString::from(".");
-        hidden.push(name);
-        hidden.push(".partial");
-        let hidden = place.with_file_name(hidden);
+        let hidden = hidden(place, ".partial");
         remove(&hidden)?;
         std::fs::create_dir_all(&hidden).map_err(|e| Error::io(hidden.display(), e))?;
         let facts = ImageFacts { folder: name.to_string_lossy().into_owned(), ..args.images_as.facts(every) };
@@ -50,8 +47,18 @@ impl Folder {
 
     /// Gives the folder its name, in place of one that is there.
     pub(crate) fn finish(mut self) -> Result<ImageFacts> {
-        remove(&self.place)?;
+        check(&self.place)?;
+        // The old folder loses its name before its files, so that a kill leaves no part of it under that name.
+        let old = hidden(&self.place, ".old.partial");
+        remove(&old)?;
+        match std::fs::rename(&self.place, &old) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+                return Err(Error::io(self.place.display(), e));
+            }
+            _ => {}
+        }
         std::fs::rename(&self.hidden, &self.place).map_err(|e| Error::io(self.place.display(), e))?;
+        remove(&old)?;
         Ok(std::mem::replace(&mut self.facts, self.form.facts(1)))
     }
 }
@@ -61,6 +68,14 @@ impl Drop for Folder {
         // Renamed, it is not there any more.
         let _ = std::fs::remove_dir_all(&self.hidden);
     }
+}
+
+/// The hidden name of a folder in the making, or of one that goes.
+fn hidden(place: &Path, ending: &str) -> PathBuf {
+    let mut name = std::ffi::OsString::from(".");
+    name.push(place.file_name().unwrap_or_default());
+    name.push(ending);
+    place.with_file_name(name)
 }
 
 /// Refuses a folder in place of which images may not come: one that holds anything else.

@@ -13,6 +13,7 @@ use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;
 
 use crate::cli::shared::camera::exact_rate;
+use crate::cli::shared::output::recorded;
 
 /// Light that needs no input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -195,6 +196,12 @@ impl LightArgs {
 impl Light {
     /// For the sidecar; what only the run can tell is filled in afterwards.
     pub(crate) fn facts(&self, args: &LightArgs, camera: &Camera) -> LightFacts {
+        let of_source = LightFacts::of(&*self.source);
+        let source = match &args.input {
+            // A source begins with its path, and describes itself behind it.
+            Some(path) => of_source.source.replacen(&path.display().to_string(), &recorded(path), 1),
+            None => of_source.source.clone(),
+        };
         let per_frame = (self.timeline != Timeline::still()).then(|| self.per_frame(args, camera));
         LightFacts {
             fit: args.fit.to_string(),
@@ -203,7 +210,8 @@ impl Light {
             readouts_per_frame: per_frame,
             source_rate: self.rate.map(|r| r.to_string()),
             exposure_electrons: camera.sensor.thresholds_at_full_scale * camera.operating(0.0).electrons,
-            ..LightFacts::of(&*self.source)
+            source,
+            ..of_source
         }
     }
 

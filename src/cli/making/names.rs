@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::cli::shared::outputs;
 use crate::cli::shared::stem::Stem;
+use crate::storage::OutputSet;
 use crate::{Error, Kind, Result};
 
 /// The names that come out of a stem.
@@ -35,15 +37,14 @@ impl Names {
         all.into_iter().filter(|(_, wanted)| *wanted).map(|(path, _)| path.as_path()).collect()
     }
 
-    pub(crate) fn refuse_existing(&self, clean: bool, images: bool) -> Result<()> {
-        let images = images.then_some(self.images.as_path());
-        let taken = self.files(clean).into_iter().chain(images).find(|path| path.symlink_metadata().is_ok());
-        match taken {
-            None => Ok(()),
-            Some(path) => Err(Error::new(Kind::Exists, path.display())
-                .found("a file of that name")
+    /// Claims the files of a run, and refuses a folder in the place of its clear images.
+    pub(crate) fn claim(&self, clean: bool, images: bool, force: bool) -> Result<OutputSet> {
+        if images && !force && self.images.symlink_metadata().is_ok() {
+            return Err(Error::new(Kind::Exists, self.images.display())
+                .found("a folder of that name")
                 .expected("a free name")
-                .remedy("choose another --output, or allow overwriting with --force")),
+                .remedy("choose another output, or allow overwriting (--force)"));
         }
+        outputs::claim(self.files(clean), force)
     }
 }

@@ -3,15 +3,34 @@
 use std::path::PathBuf;
 
 use crate::scene::{Lighting, Rendered, SamplesPerPixel, Scene, SceneOptions, labels};
-use crate::{Error, Kind, Result, storage};
+use crate::storage;
+use crate::{Error, Kind, Result};
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
 
 use crate::cli::shared::output::Out;
+use crate::cli::shared::outputs;
 use crate::cli::shared::progress::{Progress, stop_flag};
 use crate::cli::shared::seeds::SceneSeed;
 use crate::cli::shared::threads::ThreadArgs;
 use crate::cli::shared::video::{Pictures, Video};
+
+/// The files of a frame.
+const KINDS: [&str; 8] = [
+    "light.png",
+    "depth.png",
+    "flow.png",
+    "semantic.png",
+    "instance.png",
+    "boxes.png",
+    "boxes.json",
+    "boxes.txt",
+];
+
+/// The name of a file of frame `i`.
+fn name(i: u32, kind: &str) -> String {
+    format!("{i:04}.{kind}")
+}
 
 /// Draw a random driving scene and its labels as pictures
 ///
@@ -69,7 +88,14 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
         ..SceneOptions::default()
     };
     let scene = Scene::random(args.seeds.scene_seed, &options)?;
-    std::fs::create_dir_all(&args.output).map_err(|e| Error::io(args.output.display(), e))?;
+    let _claim = outputs::claim_folder(&args.output)?;
+    for i in 0..args.frames {
+        storage::refuse_existing(
+            &args.output,
+            &KINDS.map(|kind| name(i, kind)).each_ref().map(|n| &**n),
+            args.force,
+        )?;
+    }
     let mut video = if args.video {
         let path = args.output.join("scene.mp4");
         Some(Video::start(&path, Pictures::Png, args.rate, args.force)?)
@@ -110,9 +136,8 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
 
 /// Writes everything about one frame; returns the picture of its light.
 fn pictures(args: &Args, scene: &Scene, frame: &Rendered, i: u32, threads: usize) -> Result<Vec<u8>> {
-    let write = |kind: &str, bytes: &[u8]| {
-        storage::write_small(&args.output.join(format!("{i:04}.{kind}")), bytes, args.force)
-    };
+    let write =
+        |kind: &str, bytes: &[u8]| storage::write_small(&args.output.join(name(i, kind)), bytes, args.force);
     let light = labels::light_picture(frame, scene.white_cd_m2())?;
     write("light.png", &light)?;
     write("depth.png", &labels::depth_picture(&frame.labels)?)?;
@@ -125,7 +150,7 @@ fn pictures(args: &Args, scene: &Scene, frame: &Rendered, i: u32, threads: usize
     let boxes = scene.boxes(&frame.labels)?;
     write("boxes.png", &labels::boxes_picture(frame, scene.white_cd_m2(), &boxes)?)?;
     let mut coco = labels::Coco::default();
-    coco.add(&format!("{i:04}.light.png"), u64::from(i), &frame.labels, &boxes);
+    coco.add(&name(i, "light.png"), u64::from(i), &frame.labels, &boxes);
     write("boxes.json", coco.json().to_string().as_bytes())?;
     write("boxes.txt", labels::kitti_text(&boxes, 1).as_bytes())?;
     Ok(light)

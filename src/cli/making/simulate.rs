@@ -72,9 +72,9 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let stem = Stem::new(&args.output, to, &args.light.name())?;
     let (layout, names) = (stem.layout, Names::new(&stem));
     let camera = args.light.sized(args.camera.camera()?)?;
-    if !args.dry_run && !args.force {
-        names.refuse_existing(args.clean, args.images.images_every.is_some())?;
-    }
+    // Held until the last file has its name.
+    let claim = || names.claim(args.clean, args.images.images_every.is_some(), args.force);
+    let _claim = (!args.dry_run).then(claim).transpose()?;
     if args.images.images_every.is_some() {
         images::check(&names.images)?;
     }

@@ -10,10 +10,10 @@ use crate::calibrate::{
 };
 use crate::error::{Error, Kind, Result};
 use crate::measure::Estimate;
-use crate::storage::refuse_existing;
 use serde_json::json;
 
 use crate::cli::shared::output::Out;
+use crate::cli::shared::outputs;
 use crate::cli::shared::progress::Files;
 use crate::cli::shared::stream::warn_of_set;
 
@@ -51,8 +51,13 @@ pub(crate) struct Args {
 /// When the set is bad, or a file cannot be written.
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     refuse_streams(&args.recordings)?;
-    refuse_existing(&args.output, &["camera.toml", "calibration.json", "report.html"], args.force)?;
-    let set = if args.recordings.extension().is_some_and(|e| e == "npz") {
+    let imported = args.recordings.extension().is_some_and(|e| e == "npz");
+    let own = ["camera.toml", "calibration.json", "report.html"];
+    let maps: &[&str] = if imported { &["rate_dark.npy", "rate_light.npy", "recordings.toml"] } else { &[] };
+    let files = own.iter().chain(maps).map(|name| args.output.join(name));
+    // Held until the last file has its name.
+    let _claim = outputs::claim(files, args.force)?;
+    let set = if imported {
         let path = import_maps(&args.recordings, &args.output, args.force)?;
         out.say(format_args!(
             "{}: rates in the dark and under 335 lux, in {}",

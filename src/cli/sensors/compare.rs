@@ -13,10 +13,11 @@ use crate::draws::Seeds;
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
 use crate::presets;
-use crate::storage::{refuse_existing, write_small};
+use crate::storage::FileGroup;
 use serde_json::{Value, json};
 
 use crate::cli::shared::output::Out;
+use crate::cli::shared::outputs;
 use crate::cli::shared::progress::Files;
 use crate::cli::shared::seeds::SeedArgs;
 use crate::cli::shared::stream::{StreamArgs, warn_of_set};
@@ -72,7 +73,9 @@ pub(crate) struct Args {
 /// # Errors
 /// When an input is bad, or a file cannot be written.
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
-    refuse_existing(&args.output, &["comparison.json", "comparison.html", "features.csv"], args.force)?;
+    let files = ["comparison.json", "comparison.html", "features.csv"].map(|name| args.output.join(name));
+    // Held until the last file has its name.
+    let _claim = outputs::claim(&files, args.force)?;
     let given = args.named.iter().chain(&args.camera).map(String::as_str);
     let names: Vec<&str> = if given.clone().next().is_none() { MODELS.to_vec() } else { given.collect() };
     let cameras = names.into_iter().map(presets::load).collect::<Result<Vec<_>>>()?;
@@ -89,21 +92,20 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
                 .remedy("give a stream of the set, or leave --realism out"));
         }
     };
-    std::fs::create_dir_all(&args.output).map_err(|e| Error::io(args.output.display(), e))?;
-    let put = |name: &str, text: &str| {
-        let path = args.output.join(name);
-        write_small(&path, text.as_bytes(), args.force).map(|()| path.display().to_string())
-    };
     let json_error = |e| Error::new(Kind::Config, "comparison").found(e);
     let all = serde_json::to_string_pretty(&found.all).map_err(json_error)?;
-    let mut files = vec![put("comparison.json", &all)?, put("comparison.html", &found.page)?];
-    if let Some(features) = &found.features {
-        files.push(put("features.csv", features)?);
+    let texts = [Some(&*all), Some(&*found.page), found.features.as_deref()];
+    let mut group = FileGroup::new(args.force);
+    let mut names = Vec::new();
+    for (path, text) in files.iter().zip(texts).filter_map(|(path, text)| Some((path, text?))) {
+        group.write(path, text.as_bytes())?;
+        names.push(path.display().to_string());
     }
+    group.commit()?;
     let mut summary = found.summary;
     summary["event"] = json!("done");
-    summary["files"] = json!(files);
-    out.result(&summary, &format!("{}{}\n", found.text, files.join("\n")))
+    summary["files"] = json!(names);
+    out.result(&summary, &format!("{}{}\n", found.text, names.join("\n")))
 }
 
 /// What a comparison leaves: everything, the page, and the distances as JSON and as text.

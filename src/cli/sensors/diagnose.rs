@@ -12,12 +12,12 @@ use crate::diagnose::{
 use crate::error::{Error, Kind, Result};
 use crate::presets;
 use crate::report::today;
-use crate::simulate::save_camera;
-use crate::storage::{refuse_existing, write_small};
+use crate::storage::FileGroup;
 use clap::Args as ClapArgs;
 use serde_json::{Value, json};
 
-use crate::cli::shared::output::{Out, command_line};
+use crate::cli::shared::output::{Out, command_line, recorded};
+use crate::cli::shared::outputs;
 use crate::cli::shared::progress::Files;
 use crate::cli::shared::stream::warn_of_set;
 
@@ -59,9 +59,9 @@ pub(crate) struct Args {
 /// # Errors
 /// When a set is bad, or a file cannot be written.
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
-    if !args.nameable {
-        refuse_existing(&args.output, &["diagnosis.json", "report.html", "camera.toml"], args.force)?;
-    }
+    let files = ["diagnosis.json", "report.html", "camera.toml"].map(|name| args.output.join(name));
+    // Held until the last file has its name.
+    let _claim = (!args.nameable).then(|| outputs::claim(&files, args.force)).transpose()?;
     let set = RecordingSet::open(&args.recordings)?;
     let holdout = args.holdout.as_deref().map(RecordingSet::open).transpose()?;
     [Some(&set), holdout.as_ref()].into_iter().flatten().try_for_each(|set| warn_of_set(set, out))?;
@@ -97,10 +97,10 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
         out.say(format_args!("simulations: {had} from the cache, {made} made"));
     }
     if let Some(about) = &mut found.about {
-        about.set = Some(args.recordings.display().to_string());
+        about.set = Some(recorded(&args.recordings));
         about.command = Some(typed());
         if let Some(path) = &args.holdout {
-            about.held_out += &format!(", {}", path.display());
+            about.held_out += &format!(", {}", recorded(path));
         }
         about.date = Some(today());
     }
@@ -142,11 +142,15 @@ fn as_text(found: &Strengths) -> String {
 
 /// Writes the files; returns the diagnosis as JSON.
 fn write(found: &Diagnosis, args: &Args) -> Result<Value> {
-    std::fs::create_dir_all(&args.output).map_err(|e| Error::io(args.output.display(), e))?;
     let value = serde_json::to_value(found).map_err(|e| Error::new(Kind::Config, "diagnosis").found(e))?;
-    write_small(&args.output.join("diagnosis.json"), format!("{value:#}\n").as_bytes(), args.force)?;
-    write_small(&args.output.join("report.html"), page(found)?.as_bytes(), args.force)?;
-    save_camera(&found.camera, &args.output, args.force)?;
+    let saved = presets::to_toml(&found.camera)?;
+    let mut group = FileGroup::new(args.force);
+    let mut put = |name: &str, bytes: &[u8]| group.write(&args.output.join(name), bytes);
+    saved.maps.iter().try_for_each(|(name, bytes)| put(name, bytes))?;
+    put("camera.toml", saved.text.as_bytes())?;
+    put("report.html", page(found)?.as_bytes())?;
+    put("diagnosis.json", format!("{value:#}\n").as_bytes())?;
+    group.commit()?;
     Ok(value)
 }
 

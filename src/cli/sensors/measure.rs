@@ -9,8 +9,10 @@ use crate::error::Result;
 use crate::measure::{Line, MEANING, Motion, Recording, Summary, Told, TotalsLine, high_pass};
 use crate::report::{Curve, Part, Table, bars, heat_map, page};
 use crate::simulate::Sidecar;
+use crate::storage::write_small;
 
-use crate::cli::shared::output::Out;
+use crate::cli::shared::output::{Out, recorded};
+use crate::cli::shared::outputs;
 use crate::cli::shared::progress::Files;
 use crate::cli::shared::stream::StreamArgs;
 
@@ -37,6 +39,7 @@ pub(crate) struct Args {
 /// # Errors
 /// When the stream cannot be read, or the report not be written.
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
+    let _claim = args.report.as_ref().map(|report| outputs::claim([report], args.force)).transpose()?;
     let reader = args.stream.open(&args.file, out)?;
     let mut progress = Files::new(out);
     let (name, all) = (reader.name().to_string(), reader.readouts().max(1) as f64);
@@ -77,8 +80,8 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
         let plot = bars("Inter-spike intervals", "readouts", &[Curve { name: "all pixels", points }])?;
         parts.push(Part::figure(plot, "Share of intervals by length."));
     }
-    let title = format!("Measured: {}", args.file.display());
-    crate::storage::write_small(path, page(&title, &parts)?.as_bytes(), args.force)
+    let title = format!("Measured: {}", recorded(&args.file));
+    write_small(path, page(&title, &parts)?.as_bytes(), args.force)
 }
 
 /// What the line is, and its place.

@@ -6,7 +6,7 @@ use clap::{Args as ClapArgs, ValueEnum};
 
 use crate::calibrate::{Protocol, predict};
 use crate::effects::Camera;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::formats::Layout;
 use crate::report::with_known;
 use serde_json::{Value, json};
@@ -14,6 +14,7 @@ use serde_json::{Value, json};
 use super::template;
 use crate::cli::shared::camera::CameraArgs;
 use crate::cli::shared::output::{Out, bytes_text};
+use crate::cli::shared::outputs;
 use crate::cli::shared::progress::Files;
 use crate::cli::shared::seeds::SeedArgs;
 use crate::cli::shared::stream;
@@ -81,6 +82,11 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     if let Some(caveat) = Layout::Dat.caveat(camera.sensor.geometry) {
         out.say(format_args!("note: {caveat}"));
     }
+    let names =
+        protocol.recordings.iter().flat_map(|(stem, _)| ["dat", "json"].map(|e| format!("{stem}.{e}")));
+    let files = names.chain(["recordings.toml".to_owned()]).map(|name| args.output.join(name));
+    // Held until the last file has its name.
+    let _claim = outputs::claim(files, args.force)?;
     let mut progress = Files::new(out);
     let path =
         protocol.record(&camera, args.seeds.seeds(), &args.output, args.force, &mut |name, share| {
@@ -94,6 +100,9 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
 
 /// Writes the set of a folder of recordings, and says what is left to do.
 fn of_own_recordings(folder: &Path, args: &Args, out: &Out) -> Result<()> {
+    // The folder has to be there: its recordings are what is listed.
+    std::fs::metadata(folder).map_err(|e| Error::io(folder.display(), e))?;
+    let _claim = outputs::claim([folder.join("recordings.toml")], args.force)?;
     let changes = &args.camera.changes;
     let (size, hz) = (stream::size("size", changes.width, changes.height)?, changes.readout_hz);
     let file = template::write(folder, size, hz.map(|hz| hz.hz()), args.force)?.display().to_string();

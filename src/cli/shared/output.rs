@@ -2,6 +2,7 @@
 
 use std::ffi::OsString;
 use std::io::{ErrorKind, Write};
+use std::path::Path;
 use std::sync::Mutex;
 
 use crate::{Error, Result};
@@ -81,16 +82,68 @@ pub(crate) fn bytes_text(bytes: u64) -> String {
 }
 
 /// A process is one command; a host that runs several keeps the last.
-static COMMAND: Mutex<Vec<String>> = Mutex::new(Vec::new());
+static COMMAND: Mutex<(Vec<String>, bool)> = Mutex::new((Vec::new(), false));
 
-/// Keeps the command line for [`command_line`].
-pub(crate) fn remember_command(args: &[OsString]) {
+/// Keeps the command line for [`command_line`], and whether absolute paths are recorded.
+pub(crate) fn remember_command(args: &[OsString], absolute: bool) {
     if let Ok(mut command) = COMMAND.lock() {
-        *command = args.iter().map(|a| a.to_string_lossy().into_owned()).collect();
+        *command = (args.iter().map(|a| a.to_string_lossy().into_owned()).collect(), absolute);
     }
 }
 
-/// The command line as it was given, for the sidecar.
+/// The command line for a sidecar or a report, see [`recorded`].
 pub(crate) fn command_line() -> Vec<String> {
-    COMMAND.lock().map(|command| command.clone()).unwrap_or_default()
+    let (command, absolute) = COMMAND.lock().map(|command| command.clone()).unwrap_or_default();
+    command.iter().map(|word| if absolute { word.clone() } else { without_folders(word) }).collect()
+}
+
+/// A path as files record it: an absolute one without its folders, which are nobody else's business, unless the user
+/// wants them.
+pub(crate) fn recorded(path: &Path) -> String {
+    let absolute = COMMAND.lock().is_ok_and(|command| command.1);
+    let text = path.display().to_string();
+    if absolute { text } else { without_folders(&text) }
+}
+
+/// A word of a command line with the file name alone in the place of an absolute path: the word itself, the value of
+/// `--flag=PATH`, or that of `-oPATH`.
+fn without_folders(word: &str) -> String {
+    let value = match word.split_once('=') {
+        Some((flag, value)) if flag.starts_with("--") => value,
+        _ if word.starts_with('-') && !word.starts_with("--") => word.get(2..).unwrap_or_default(),
+        _ => word,
+    };
+    let path = Path::new(value);
+    match path.file_name() {
+        Some(name) if path.is_absolute() => {
+            format!("{}{}", &word[..word.len() - value.len()], name.to_string_lossy())
+        }
+        _ => word.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn absolute_paths_lose_their_folders_and_everything_else_stays() {
+        for (word, kept) in [
+            ("/usr/bin/spikelane", "spikelane"),
+            ("/home/alice/in/clip.mp4", "clip.mp4"),
+            ("--output=/home/alice/out/run", "--output=run"),
+            ("-o/home/alice/out/", "-oout"),
+            ("in/clip.mp4", "in/clip.mp4"),
+            ("../clip.mp4", "../clip.mp4"),
+            ("--readouts", "--readouts"),
+            ("--effect=prnu.sigma=0.1", "--effect=prnu.sigma=0.1"),
+            ("100..500", "100..500"),
+            ("-", "-"),
+            ("/", "/"),
+            ("-\u{e9}/a", "-\u{e9}/a"),
+        ] {
+            assert_eq!(without_folders(word), kept);
+        }
+    }
 }

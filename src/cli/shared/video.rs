@@ -4,6 +4,7 @@ use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 
+use crate::storage::Partial;
 use crate::{Error, Geometry, Kind, Result};
 
 /// What is pushed, picture by picture.
@@ -17,24 +18,22 @@ pub(crate) enum Pictures {
 
 /// A running ffmpeg that writes under a hidden name until all pictures are in.
 pub(crate) struct Video {
-    child: Child,
+    ffmpeg: Ffmpeg,
     pictures: Option<ChildStdin>,
-    hidden: PathBuf,
+    // Behind the process that writes it, which ends first.
+    partial: Partial,
     path: PathBuf,
 }
+
+/// The process; it ends with its owner.
+struct Ffmpeg(Child);
 
 impl Video {
     /// Starts ffmpeg; `fps` pictures a second.
     pub(crate) fn start(path: &Path, pictures: Pictures, fps: f64, force: bool) -> Result<Self> {
-        if !force && path.symlink_metadata().is_ok() {
-            return Err(Error::new(Kind::Exists, path.display())
-                .found("a file of that name")
-                .expected("a free name")
-                .remedy("choose another output, or allow overwriting with --force"));
-        }
-        // ffmpeg takes the container from the ending, which therefore stays last.
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let hidden = path.with_file_name(format!(".{}.partial.{name}", std::process::id()));
+        // ffmpeg takes the container from the ending, which therefore comes last.
+        let ending = path.extension().unwrap_or_default().to_string_lossy();
+        let partial = Partial::create_ending(path, force, &format!(".{ending}"))?;
         let mut command = Command::new("ffmpeg");
         command.args(["-nostdin", "-v", "error", "-y"]);
         let rate = fps.to_string();
@@ -50,13 +49,13 @@ impl Video {
         let mut child = command
             // Most players want even sides and 4:2:0.
             .args(["-i", "pipe:0", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"])
-            .arg(Path::new(".").join(&hidden))
+            .arg(Path::new(".").join(partial.hidden()))
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .stderr(Stdio::inherit())
             .spawn()
             .map_err(missing)?;
-        Ok(Self { pictures: child.stdin.take(), child, hidden, path: path.to_owned() })
+        Ok(Self { pictures: child.stdin.take(), ffmpeg: Ffmpeg(child), partial, path: path.to_owned() })
     }
 
     /// Hands over the next picture.
@@ -70,11 +69,11 @@ impl Video {
     /// Waits for ffmpeg and gives the file its name.
     pub(crate) fn finish(mut self) -> Result<()> {
         drop(self.pictures.take());
-        let status = self.child.wait().map_err(|e| Error::io("waiting for ffmpeg", e))?;
+        let status = self.ffmpeg.0.wait().map_err(|e| Error::io("waiting for ffmpeg", e))?;
         if !status.success() {
             return Err(self.failed(status));
         }
-        std::fs::rename(&self.hidden, &self.path).map_err(|e| Error::io(self.path.display(), e))
+        self.partial.commit().map(drop)
     }
 
     fn failed(&self, why: impl std::fmt::Display) -> Error {
@@ -94,11 +93,10 @@ fn missing(error: std::io::Error) -> Error {
         .remedy("install it (apt install ffmpeg, brew install ffmpeg), or write pictures")
 }
 
-impl Drop for Video {
+impl Drop for Ffmpeg {
     fn drop(&mut self) {
         // After a good end both have nothing left to do.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-        let _ = std::fs::remove_file(&self.hidden);
+        let _ = self.0.kill();
+        let _ = self.0.wait();
     }
 }

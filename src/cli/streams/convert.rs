@@ -5,11 +5,13 @@ use std::path::{Path, PathBuf};
 use crate::formats::{EVENTS, Finished, Layout, Opening, StreamWriter, convert, own_sidecar, write_events};
 use crate::report::with_known;
 use crate::simulate::{Sidecar, StreamFacts, Written};
+use crate::storage::OutputSet;
 use crate::{Error, Geometry, Kind, Result};
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
 
 use crate::cli::shared::output::{Out, bytes_text, command_line};
+use crate::cli::shared::outputs;
 use crate::cli::shared::progress::{Progress, stop_flag};
 use crate::cli::shared::range::{Readouts, Rectangle};
 use crate::cli::shared::stream::{StreamArgs, file_name, spikes_in};
@@ -51,21 +53,15 @@ impl Args {
         Layout::for_name(&self.output, Some(Layout::NpyBytes)).map(|_| Form::Events)
     }
 
-    /// Refuses an output that is the input, and a sidecar that is there.
-    fn refuse(&self, sidecar: &Path) -> Result<()> {
-        let same = |a: &PathBuf| std::fs::canonicalize(a).ok();
+    /// Claims the stream and its sidecar, unless the output is the input.
+    fn claim(&self, sidecar: &Path) -> Result<OutputSet> {
+        let same = |a: &Path| std::fs::canonicalize(a).ok();
         if same(&self.input).is_some() && same(&self.input) == same(&self.output) {
             return Err(Error::new(Kind::Usage, self.output.display())
                 .found("the input itself")
                 .expected("another file to write"));
         }
-        if !self.force && sidecar.symlink_metadata().is_ok() {
-            return Err(Error::new(Kind::Exists, sidecar.display())
-                .found("a file of that name")
-                .expected("a free name for the sidecar")
-                .remedy("choose another output, or allow overwriting with --force"));
-        }
-        Ok(())
+        outputs::claim([&*self.output, sidecar], self.force)
     }
 
     fn sidecar(&self) -> PathBuf {
@@ -91,7 +87,8 @@ impl Form {
 
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let (form, sidecar) = (args.form()?, args.sidecar());
-    args.refuse(&sidecar)?;
+    // Held until the sidecar has its name.
+    let _claim = args.claim(&sidecar)?;
     let reader = args.stream.open(&args.input, out)?;
     let original = Sidecar::beside(&args.input).ok().flatten().map(|(_, sidecar)| sidecar);
     let range = args.readouts.of(reader.readouts());

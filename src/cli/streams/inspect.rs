@@ -2,16 +2,18 @@
 
 use std::path::PathBuf;
 
+use crate::Result;
 use crate::formats::{Reader, Reading, Readings};
 use crate::measure::{Accumulator, MeasureOptions, summarise};
 use crate::reconstruct::tfp;
 use crate::report::with_known;
 use crate::simulate::Sidecar;
 use crate::spikes::Packed;
-use crate::{Result, storage};
+use crate::storage;
 use serde_json::json;
 
 use crate::cli::shared::output::{Out, bytes_text};
+use crate::cli::shared::outputs;
 use crate::cli::shared::picture::{around, bright, grey, png};
 use crate::cli::shared::range::Readouts;
 use crate::cli::shared::stream::{StreamArgs, file_name};
@@ -56,6 +58,7 @@ fn as_json((r, given): (&Reading, bool)) -> serde_json::Value {
 }
 
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
+    let _claim = args.png.as_ref().map(|png| outputs::claim([png], args.force)).transpose()?;
     let (reader, readings) = args.stream.open_compared(&args.file, out)?;
     let sidecar = Sidecar::beside(&args.file).ok().flatten();
     let range = args.readouts.of(reader.readouts());

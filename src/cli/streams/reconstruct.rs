@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use crate::cli::shared::output::Out;
+use crate::cli::shared::outputs;
 use crate::cli::shared::picture::{around, bright, moments};
 use crate::cli::shared::progress::{Progress, stop_flag};
 use crate::cli::shared::stream::StreamArgs;
@@ -159,12 +160,19 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
         Target::Video | Target::Folder => true,
     };
     let moments = args.moments(reader.readouts(), many);
+    let _claim = match target {
+        Target::Folder => {
+            sinks::refuse_used(&args.output, args.force)?;
+            outputs::claim_folder(&args.output)?
+        }
+        _ => outputs::claim([&args.output], args.force)?,
+    };
     let first = args.picture(&reader, moments[0])?;
     let white = args.white.unwrap_or_else(|| bright(&first.0));
     let shown = Shown { white, geometry: reader.geometry() };
     let mut sink: Box<dyn Sink> = match target {
         Target::Png => Box::new(One { path: args.output.clone(), force: args.force, shown }),
-        Target::Folder => Box::new(Folder::new(args.output.clone(), args.force, shown)?),
+        Target::Folder => Box::new(Folder { path: args.output.clone(), force: args.force, shown }),
         Target::Npy => Box::new(array::Npy::new(
             &args.output,
             args.force,

@@ -28,6 +28,7 @@ const EXAMPLES: &[(&str, [&str; 2])] = &[
         ["convert out/lake.dat lake.npy", "convert in.dat part.dat --readouts 0..1000 --crop 100,50,64,64"],
     ),
     ("verify", ["verify out/lake.dat", "verify out/*.json"]),
+    ("partials", ["partials out", "partials out --delete"]),
     (
         "reconstruct",
         [

@@ -2,10 +2,12 @@
 
 use std::path::PathBuf;
 
-use crate::{Error, Result, storage};
+use crate::storage;
+use crate::{Error, Result};
 use clap_mangen::Man;
 
 use crate::cli::shared::output::Out;
+use crate::cli::shared::outputs;
 
 /// Print the manual page
 #[derive(clap::Args, Debug)]
@@ -21,7 +23,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, mut command: clap::Command, out: &Out) -> Result<()> {
     command.build();
     let Some(folder) = &args.dir else { return out.bytes(&page(command)?) };
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
+    let _claim = outputs::claim_folder(folder)?;
     for sub in command.get_subcommands().filter(|c| c.get_name() != "help") {
         let name = format!("spikelane-{}", sub.get_name());
         storage::write_small(&folder.join(format!("{name}.1")), &page(sub.clone())?, args.force)?;

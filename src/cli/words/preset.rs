@@ -10,6 +10,7 @@ use serde_json::json;
 
 use crate::cli::shared::camera::Changes;
 use crate::cli::shared::output::Out;
+use crate::cli::shared::outputs;
 
 /// List and print cameras
 #[derive(clap::Args, Debug)]
@@ -97,6 +98,7 @@ fn show(args: &Show, out: &Out) -> Result<()> {
         };
     }
     if let Some(folder) = &args.output {
+        let _claim = outputs::claim([folder.join("camera.toml")], args.force)?;
         let path = save_camera(&camera, folder, args.force)?;
         out.say(path.display());
         return out.event(&json!({"event": "done", "file": path.display().to_string()}));

@@ -52,8 +52,14 @@ impl Part {
     /// Writes what was added into `file`, and is gone.
     fn pour(mut self, file: &mut File) -> std::io::Result<()> {
         self.file.flush()?;
-        copy(&mut File::open(&self.hidden)?, file)?;
-        fs::remove_file(&self.hidden)
+        copy(&mut File::open(&self.hidden)?, file).map(drop)
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        // Nobody is left to hear of a failure here.
+        let _ = fs::remove_file(&self.hidden);
     }
 }
 

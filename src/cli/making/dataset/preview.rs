@@ -6,6 +6,7 @@ use image::{GrayImage, imageops};
 use serde_json::json;
 
 use crate::cli::shared::output::Out;
+use crate::cli::shared::outputs;
 use crate::cli::shared::picture::{around, bright, grey, spikes_picture};
 use crate::cli::shared::video::{Pictures, Video};
 use crate::dataset::{Entry, Manifest, Status};
@@ -48,6 +49,7 @@ pub(crate) struct Args {
 /// # Errors
 /// [`Kind::Input`] for a dataset without finished sequences, or packed; [`Kind::Tool`] without ffmpeg; those of reading.
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
+    let _claim = outputs::claim([&args.output], args.force)?;
     let access = Access::reading(args.follow_links);
     let manifest = Manifest::read_below(&args.folder, access)?;
     let done: Vec<&Entry> = manifest.entries.iter().filter(|e| e.status == Status::Done).collect();

@@ -5,8 +5,10 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use crate::cli::shared::output::Out;
+use crate::cli::shared::outputs;
 use crate::dataset::stats::{Stats, html, number, stats};
-use crate::{Error, Kind, Result, storage};
+use crate::storage;
+use crate::{Error, Kind, Result};
 
 /// Say what a dataset holds: splits, light, cameras, rates, motion, boxes
 #[derive(clap::Args, Clone, Debug)]
@@ -30,6 +32,7 @@ pub(crate) struct Args {
 /// # Errors
 /// As [`stats`]; [`Kind::Exists`] for a page that is there.
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
+    let _claim = args.report.as_ref().map(|report| outputs::claim([report], args.force)).transpose()?;
     let found = stats(&args.folder, args.follow_links)?;
     if let Some(path) = &args.report {
         let name = args.folder.file_name().unwrap_or_default().to_string_lossy();

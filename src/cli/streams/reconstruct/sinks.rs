@@ -1,6 +1,6 @@
 //! Where pictures go: one file, a folder, a video.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::cli::shared::picture::{grey, png};
 use crate::cli::shared::video::Video;
@@ -67,24 +67,23 @@ impl Sink for Film {
     }
 }
 
+/// A folder of numbered pictures.
 pub(super) struct Folder {
-    path: PathBuf,
-    force: bool,
-    shown: Shown,
+    pub path: PathBuf,
+    pub force: bool,
+    pub shown: Shown,
 }
 
-impl Folder {
-    pub(crate) fn new(path: PathBuf, force: bool, shown: Shown) -> Result<Self> {
-        std::fs::create_dir_all(&path).map_err(|e| Error::io(path.display(), e))?;
-        let mut entries = std::fs::read_dir(&path).map_err(|e| Error::io(path.display(), e))?;
-        if !force && entries.next().is_some() {
-            return Err(Error::new(Kind::Exists, path.display())
-                .found("a folder that is not empty")
-                .expected("an empty or new folder")
-                .remedy("choose another folder, or allow overwriting with --force"));
-        }
-        Ok(Self { path, force, shown })
+/// Refuses a folder that holds anything, unless its pictures may be replaced.
+pub(super) fn refuse_used(folder: &Path, force: bool) -> Result<()> {
+    let Ok(mut entries) = std::fs::read_dir(folder) else { return Ok(()) };
+    if force || entries.next().is_none() {
+        return Ok(());
     }
+    Err(Error::new(Kind::Exists, folder.display())
+        .found("a folder that is not empty")
+        .expected("an empty or new folder")
+        .remedy("choose another folder, or allow overwriting with --force"))
 }
 
 impl Sink for Folder {

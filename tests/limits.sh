@@ -1,0 +1,168 @@
+#!/bin/bash
+# What commands do where something is short. Usage: tests/limits.sh [PROGRAM]
+#   Prints a table of exit codes, a row for each command and a column for each limit:
+#     read-only  a folder that may only be read, as user 65534 (needs root and setpriv)
+#     disk       a disk of 192 kB (a tmpfs), or where it cannot be mounted a limit of 64 kB a file
+#     1 thread   RAYON_NUM_THREADS=1, and --threads 1 where the command has it
+#     64 files   ulimit -n 64
+#     512 MB     ulimit -v 524288
+#   Ends with code 1 for a code that docs/reference/errors.md does not list (a panic, an abort, a signal), for a file that
+#   a failed command left, and for a message without a remedy on a read-only folder or a full disk.
+set -u
+cd "$(dirname "$0")/.."
+program=$(realpath "${1:-target/debug/spikelane}")
+listed=" $(sed -n 's/^| \([0-9]*\) |.*/\1/p' docs/reference/errors.md | tr '\n' ' ')"
+work=$(mktemp -d)
+chmod 755 "$work"
+mounted=
+finish() {
+    [ -z "$mounted" ] || umount "$work/disk"
+    rm -rf "$work"
+}
+trap finish EXIT
+mkdir "$work/in" "$work/disk" "$work/free"
+cd "$work"
+cp "$program" ./spikelane
+program=$work/spikelane
+mount -t tmpfs -o size=192k tmpfs "$work/disk" 2>/dev/null && mounted=yes
+
+small="--width 32 --height 24"
+tiny="--kind tiny --sequences 2 --images 3 --label-every 2 $small"
+python3 - <<'PY'
+import struct, zlib
+def png(name, level):
+    raw = b"".join(b"\0" + bytes([level] * 8) for _ in range(8))
+    chunk = lambda k, d: struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d))
+    open(name, "wb").write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 8, 8, 8, 0, 0, 0, 0))
+                           + chunk(b"IDAT", zlib.compress(raw)) + chunk(b"IEND", b""))
+for i, level in enumerate([0, 80, 160]):
+    png(f"in/p{i}.png", level)
+text = "width = 8\nheight = 8\nreadout_hz = 20000\n"
+for i, light in enumerate([0.0, 0.31, 0.63]):
+    text += f'[[recording]]\nfile = "r{i}.dat"\nlight = {light}\n'
+open("in/set.toml", "w").write(text)
+PY
+quiet() { "$program" "$@" >/dev/null 2>>log || { echo "input failed: $*"; tail -2 log; }; }
+for i in 0 1 2; do
+    quiet simulate in/p$i.png --transfer linear --width 8 --height 8 --readouts 1100 -o in/r$i
+done
+# 400 kB as a stream, more than the small disk.
+quiet simulate --source chart --width 64 --height 50 --readouts 1000 -o in/a
+quiet dataset plan $tiny -o in/plan --per-shard 1
+quiet dataset plan $tiny -o in/merge --per-shard 1
+quiet dataset run in/merge --shard all
+quiet dataset $tiny -o in/whole
+chmod -R a+rX in
+
+failed=0
+wrong() {
+    failed=1
+    echo "    $*"
+}
+
+# once COLUMN OUT LINE: runs LINE with its output in the folder OUT under the limit; prints the code.
+once() {
+    local column=$1 out=$2 line=$3
+    local run=("$program") code
+    local threads=
+    case "$column" in
+    read-only) run=(setpriv --reuid 65534 --regid 65534 --clear-groups "$program") ;;
+    "1 thread") case "$line" in simulate* | scene* | dataset\ --* | dataset\ run*) threads="--threads 1" ;; esac ;;
+    esac
+    (
+        case "$column" in
+        disk) [ -n "$mounted" ] || ulimit -f 64 ;;
+        "1 thread") export RAYON_NUM_THREADS=1 ;;
+        "64 files") ulimit -n 64 ;;
+        "512 MB") ulimit -v 524288 ;;
+        esac
+        # shellcheck disable=SC2086
+        exec timeout 600 "${run[@]}" ${line//OUT/$out} $threads >stdout 2>stderr
+    )
+    code=$?
+    printf '%9s' $code
+    case "$listed" in *" $code "*) ;; *) notes+=("$column: code $code is not listed: $(tail -1 stderr)") ;; esac
+    # A folder that `in` had before is not the command's.
+    if [ $code -ne 0 ] && [[ $line == *OUT* ]] && [[ $line != *"run OUT"* && $line != *"merge OUT"* ]]; then
+        local left
+        left=$(find "$out" -mindepth 1 2>/dev/null | head -3 | tr '\n' ' ')
+        # What a data set finished stays, to be resumed, and so do whole recordings and numbered pictures.
+        [[ $line == dataset\ --* || $line == record* || $line == *pictures* || $line == scene* ]] || [ -z "$left" ] || notes+=("$column: left $left")
+    fi
+    case "$column:$code" in
+    read-only:0) [[ $line == *OUT* ]] && notes+=("$column: nothing was refused") ;;
+    read-only:* | disk:[1-9]*) grep -q ';' stderr || notes+=("$column: no remedy: $(tail -1 stderr)") ;;
+    esac
+}
+
+columns=("read-only" "disk" "1 thread" "64 files" "512 MB")
+printf '%-28s' command
+printf '%10s' "${columns[@]}"
+echo
+row() {
+    local name=$1 line=$2
+    notes=()
+    printf '%-28s' "$name"
+    for column in "${columns[@]}"; do
+        printf ' '
+        if [ "$column" = read-only ] && { [ "$(id -u)" != 0 ] || ! command -v setpriv >/dev/null; }; then
+            printf '%9s' skipped
+            continue
+        fi
+        # A folder that is there; below it the command makes its own.
+        local place=$work/free/place
+        [ "$column" = disk ] && [ -n "$mounted" ] && place=$work/disk/place
+        rm -rf "$place"
+        mkdir -p "$place"
+        if [ -n "${3:-}" ]; then
+            if ! cp -a "in/$3/." "$place/" 2>/dev/null; then
+                printf '%9s' skipped
+                continue
+            fi
+            once "$column" "$place" "$line"
+        else
+            once "$column" "$place" "$line"
+        fi
+    done
+    echo
+    for note in "${notes[@]}"; do wrong "$note"; done
+}
+
+row simulate "simulate --source chart --width 64 --height 50 --readouts 1000 --clean -o OUT/a"
+row "simulate --images-every" "simulate --source chart --width 64 --height 50 --readouts 400 --images-every 1 -o OUT/a"
+row "simulate (video in)" "simulate in/p1.png --motion pan=5,5 --width 64 --height 64 --readouts 1000 -o OUT/a"
+row inspect "inspect in/a.dat --png OUT/a.png --digest"
+row convert "convert in/a.dat OUT/a.npy"
+row "convert --to events" "convert in/a.dat OUT/a.npy --to events"
+row verify "verify in/a.dat"
+row "reconstruct (png)" "reconstruct in/a.dat -o OUT/a.png"
+row "reconstruct (npy)" "reconstruct in/a.dat -o OUT/a.npy --every 20"
+row "reconstruct (folder)" "reconstruct in/a.dat -o OUT/pictures --every 10"
+row evaluate "evaluate in/a.dat"
+row measure "measure in/a.dat --report OUT/a.html"
+row record "record --width 64 --height 48 --readouts 200 -o OUT/set"
+row calibrate "calibrate in/set.toml -o OUT/made"
+row compare "compare in/set.toml ideal --longest 50 -o OUT/made"
+row diagnose "diagnose in/set.toml --camera physical -o OUT/made"
+row scene "scene --width 200 --height 120 --frames 3 -o OUT/scene"
+row dataset "dataset --kind tiny --sequences 3 --images 40 --label-every 2 $small -o OUT/set"
+row "dataset plan" "dataset plan $tiny -o OUT/plan --per-shard 1"
+row "dataset run" "dataset run OUT --shard all" plan
+row "dataset merge" "dataset merge OUT" merge
+row "dataset stats" "dataset stats in/whole --report OUT/a.html"
+row "preset show -o" "preset show vidar-measured -o OUT/camera"
+row effects "effects"
+row man "man --dir OUT/man"
+row partials "partials in"
+rm -rf "$work/free/place" "$work/disk/place"
+
+# A file of 3 GB that is read under less address space than it has bytes.
+truncate -s 3G in/long.dat
+for line in "inspect in/long.dat --readouts 0..100" "convert in/long.dat free/cut.dat --readouts 0..100" \
+    "reconstruct in/long.dat --at 1000 -o free/cut.png"; do
+    (ulimit -v 4000000 && exec "$program" $line --width 400 --height 250 --layout dat >stdout 2>stderr)
+    code=$?
+    printf '%-68s %9s\n' "3 GB under ulimit -v 4000000: ${line%% *}" $code
+    [ $code -eq 0 ] || wrong "code $code: $(tail -1 stderr)"
+done
+exit $failed

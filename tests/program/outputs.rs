@@ -1,0 +1,232 @@
+//! Outputs: what may be replaced, one writer at a time, and folders that are tested before work begins.
+
+use std::fs;
+use std::os::unix::fs::FileTypeExt as _;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::program_support::{Place, Ran, exists};
+
+const CHART: &str = "simulate --source chart --width 32 --height 24 --readouts 20";
+
+/// A place with the stream `c.dat`.
+fn with_stream() -> Place {
+    let place = Place::new();
+    place.good(&format!("{CHART} -o c"));
+    place
+}
+
+/// A `simulate` that has claimed `t` and waits for light.
+fn waiting(place: &Place) -> Child {
+    let line = "simulate - --width 20 --height 10 --readouts-per-frame 50 --clean -o t --force";
+    let child = place.command(line).stdin(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    let start = Instant::now();
+    while !place.names().contains(&".t.png.lock".to_owned()) {
+        assert!(start.elapsed() < Duration::from_secs(60), "no claim: {:?}", place.names());
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child
+}
+
+#[test]
+fn force_replaces_files_and_links_and_nothing_else() {
+    let place = with_stream();
+    let fifo = Command::new("mkfifo").arg(place.path("pipe.dat")).status().unwrap();
+    assert!(fifo.success());
+    std::os::unix::fs::symlink("/dev/null", place.path("null.dat")).unwrap();
+    fs::create_dir(place.path("folder.dat")).unwrap();
+    for name in ["pipe.dat", "null.dat", "folder.dat"] {
+        place.refused(&format!("convert c.dat {name} --force"), 7, &[name, "only plain files"]);
+        let stem = name.trim_end_matches(".dat");
+        place.refused(&format!("{CHART} -o {stem} --force"), 7, &[name]);
+    }
+    assert!(fs::symlink_metadata(place.path("pipe.dat")).unwrap().file_type().is_fifo());
+    place.write("target", "mine");
+    std::os::unix::fs::symlink("target", place.path("link.dat")).unwrap();
+    place.refused("convert c.dat link.dat", 7, &["link.dat"]);
+    place.good("convert c.dat link.dat --force");
+    assert_eq!((place.read("target"), place.read("link.dat")), (b"mine".to_vec(), place.read("c.dat")));
+}
+
+#[test]
+fn a_second_writer_of_a_stem_is_told_that_another_process_writes_it() {
+    let place = with_stream();
+    let mut first = waiting(&place);
+    for line in [
+        format!("{CHART} -o t --force"),
+        format!("{CHART} -o t"),
+        "convert c.dat t.dat --force".to_owned(),
+        "reconstruct c.dat -o t.png --force".to_owned(),
+    ] {
+        place.refused(&line, 10, &["t.", "another process"]);
+    }
+    // Another stem of the folder is free.
+    place.good(&format!("{CHART} -o u"));
+    drop(first.stdin.take());
+    assert_eq!(first.wait().unwrap().code(), Some(4));
+    place.good(&format!("{CHART} -o t"));
+    assert!(!place.names().iter().any(|name| name.starts_with('.')), "{:?}", place.names());
+}
+
+#[test]
+fn the_lock_of_a_killed_writer_blocks_nobody() {
+    let place = with_stream();
+    let mut first = waiting(&place);
+    first.kill().unwrap();
+    first.wait().unwrap();
+    let listed = place.good("partials").stdout;
+    assert!(listed.contains(".t.png.lock: process") && listed.contains("ended"), "{listed}");
+    place.good(&format!("{CHART} -o t --clean"));
+    place.good("verify t.json");
+    assert!(!place.names().iter().any(|name| name.starts_with('.')), "{:?}", place.names());
+}
+
+#[test]
+fn what_a_running_process_writes_is_listed_and_never_deleted() {
+    let place = Place::new();
+    let mut first = waiting(&place);
+    place.write(".u.dat.77-0.partial", "half");
+    let before = place.names();
+    let ran = place.good("partials --delete --json");
+    let events = ran.events();
+    let of =
+        |name: &str| events.iter().find(|e| e["file"].as_str().is_some_and(|f| f.ends_with(name))).unwrap();
+    let (running, left) = (of(".t.dat.lock"), of(".u.dat.77-0.partial"));
+    assert_eq!((&running["running"], &running["deleted"]), (&true.into(), &false.into()));
+    assert_eq!(running["process"], first.id());
+    assert_eq!(
+        (&left["running"], &left["deleted"], &left["process"]),
+        (&false.into(), &true.into(), &77.into())
+    );
+    assert_eq!(place.names().len(), before.len() - 1);
+    first.kill().unwrap();
+    first.wait().unwrap();
+}
+
+/// Commands with an output, and their inputs, none of which is there.
+const WRITERS: &[&str] = &[
+    "simulate missing.png --readouts 5 -o OUT/a",
+    "convert missing.dat OUT/a.dat",
+    "reconstruct missing.dat -o OUT/a.png",
+    "record -o OUT",
+    "calibrate missing.toml -o OUT",
+    "compare missing.dat -o OUT",
+    "diagnose missing.toml -o OUT",
+    "measure missing.dat --report OUT/a.html",
+    "inspect missing.dat --png OUT/a.png",
+    "scene -o OUT",
+    "dataset --kind tiny --sequences 1 --images 3 -o OUT",
+    "dataset stats missing --report OUT/a.html",
+    "dataset preview missing -o OUT/a.mp4",
+    "preset show physical -o OUT",
+    "man --dir OUT",
+];
+
+#[test]
+fn a_folder_that_cannot_be_made_is_named_before_work_begins() {
+    let place = Place::new();
+    place.write("file", "mine");
+    for line in WRITERS {
+        // `reconstruct` learns from the stream how many pictures it makes.
+        if !line.starts_with("reconstruct") {
+            place.refused(&line.replace("OUT", "file/out"), 5, &["file", "choose another folder"]);
+        }
+    }
+    assert_eq!(place.read("file"), b"mine");
+}
+
+#[test]
+fn a_folder_that_was_made_for_nothing_is_removed() {
+    let place = Place::new();
+    for line in WRITERS.iter().filter(|line| line.contains("missing")) {
+        let ran = place.run(&line.replace("OUT", "new/deep"));
+        assert!([2, 5].contains(&ran.code), "{line}: {} {}", ran.code, ran.stderr);
+        assert_eq!(place.names(), Vec::<String>::new(), "{line}");
+    }
+}
+
+#[test]
+fn the_folder_of_a_stem_is_made_with_its_parents() {
+    let place = with_stream();
+    place.good(&format!("{CHART} -o out/of/light/run"));
+    place.good("verify out/of/light/run.dat");
+    place.good("convert c.dat other/c.npy");
+    place.good("reconstruct c.dat -o pictures/one.png");
+    place.good("inspect c.dat --png looks/c.png");
+    assert!(exists(&place.path("looks/c.png")));
+}
+
+/// Runs a line under a limit of the shell.
+fn limited(place: &Place, limit: &str, line: &str) -> Ran {
+    let script = format!("ulimit {limit}; exec {} {line}", env!("CARGO_BIN_EXE_spikelane"));
+    let output = Command::new("bash").args(["-c", &script]).current_dir(place.path("")).output().unwrap();
+    Ran::of(line, output)
+}
+
+#[test]
+fn a_file_beyond_the_size_limit_is_an_error_and_leaves_nothing() {
+    let place = Place::new();
+    place.good("simulate --source chart --width 64 --height 64 --readouts 400 -o c");
+    let before = place.names();
+    // 20 blocks of 1024 bytes; the streams have 200 kB, which are reserved, or grow where the length is unknown.
+    for line in [
+        "simulate --source chart --width 64 --height 64 --readouts 400 -o a --clean",
+        "convert c.dat new/b.npy",
+        "reconstruct c.dat -o all.npy --every 10",
+        "record --width 64 --height 64 --readouts 400 -o set",
+    ] {
+        let ran = limited(&place, "-f 20", line);
+        assert_eq!(ran.code, 6, "{line}: {}", ran.stderr);
+        assert!(ran.stderr.contains("ulimit -f"), "{line}: {}", ran.stderr);
+        assert_eq!(place.names(), before, "{line}");
+    }
+}
+
+#[test]
+fn a_request_to_stop_ends_commands_that_do_not_look_for_it() {
+    let place = Place::new();
+    place.good("record --width 16 --height 12 --readouts 2600 -o set");
+    let before = place.names();
+    let line = "calibrate set/recordings.toml -o made";
+    let mut child = place.command(line).stderr(Stdio::piped()).spawn().unwrap();
+    let start = Instant::now();
+    while !exists(&place.path("made/.camera.toml.lock")) {
+        assert!(start.elapsed() < Duration::from_secs(60), "no claim");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let sent = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let code = child.wait().unwrap().code();
+    // It may have been done before.
+    assert!(code == Some(130) && place.names() == before || code == Some(0), "{code:?} {:?}", place.names());
+}
+
+#[test]
+fn what_is_recorded_names_no_folder_of_the_machine() {
+    let place = with_stream();
+    place.picture("light.png", 16, 8, 100);
+    place.good("record --width 16 --height 12 --readouts 1100 -o set");
+    let here = place.path("").canonicalize().unwrap();
+    let here = here.to_str().unwrap().trim_end_matches('/').to_owned();
+    let lines = |flags: &str| {
+        [
+            format!(
+                "simulate {here}/light.png --width 16 --height 8 --readouts 20 -o {here}/OUT/light {flags}"
+            ),
+            format!("convert {here}/c.dat {here}/OUT/c.npy {flags}"),
+            format!("measure {here}/c.dat --report {here}/OUT/m.html {flags}"),
+            format!("compare {here}/set/recordings.toml ideal --longest 50 -o {here}/OUT/compared {flags}"),
+            format!("calibrate {here}/set/recordings.toml -o {here}/OUT/calibrated {flags}"),
+            format!("preset show physical -o {here}/OUT/camera {flags}"),
+            format!("record {flags} --width 16 --height 12 --readouts 20 -o {here}/OUT/set"),
+        ]
+    };
+    for line in lines("") {
+        place.good(&line.replace("OUT", "out"));
+    }
+    let found = Command::new("grep").args(["-rlF", &here, "out"]).current_dir(&here).output().unwrap();
+    assert_eq!(String::from_utf8_lossy(&found.stdout), "");
+    assert_eq!(place.json("out/light.json")["command"][2], "light.png");
+    place.good(&lines("--record-paths")[0].replace("OUT", "kept"));
+    assert_eq!(place.json("kept/light.json")["command"][2], format!("{here}/light.png"));
+}
