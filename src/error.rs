@@ -5,6 +5,7 @@
 
 mod nearest;
 
+use std::borrow::Cow;
 use std::fmt;
 use std::io::ErrorKind;
 
@@ -239,18 +240,39 @@ impl Error {
     }
 }
 
-impl fmt::Display for Error {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.subject)?;
-        let mut separator = ": ";
+impl Error {
+    /// The message, with all characters as they are in names and files.
+    pub(crate) fn raw_message(&self) -> String {
+        let (mut message, mut separator) = (self.subject.clone(), ": ");
         for (label, text) in [("found ", &self.found), ("expected ", &self.expected), ("", &self.remedy)] {
             if !text.is_empty() {
-                write!(f, "{separator}{label}{text}")?;
+                message += &format!("{separator}{label}{text}");
                 separator = if label == "found " { ", " } else { "; " };
             }
         }
-        Ok(())
+        message
     }
+}
+
+/// The message on one channel to a person. Control characters, which a name or a file may hold, are escaped; see [`printable`].
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&printable(&self.raw_message()))
+    }
+}
+
+/// `text` as a terminal may show it: control characters but line feeds and tabs, and characters that change the direction of
+/// text or are invisible separators of lines, are escaped as `\u{1b}`.
+pub(crate) fn printable(text: &str) -> Cow<'_, str> {
+    let is_unsafe = |c: char| {
+        (c.is_control() && c != '\n' && c != '\t')
+            || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    };
+    if !text.contains(is_unsafe) {
+        return Cow::Borrowed(text);
+    }
+    let escaped = |c: char| if is_unsafe(c) { c.escape_unicode().to_string() } else { c.to_string() };
+    Cow::Owned(text.chars().map(escaped).collect())
 }
 
 impl std::error::Error for Error {
@@ -259,10 +281,24 @@ impl std::error::Error for Error {
     }
 }
 
-#[cfg(all(test, feature = "presets"))]
+#[cfg(test)]
 mod tests {
     use super::*;
 
+    #[test]
+    fn a_message_escapes_control_and_direction_characters() {
+        let error = Error::new(Kind::Input, "a\u{1b}[2J\u{9b}b").found("\u{202e}txt\r\u{7}");
+        assert_eq!(error.to_string(), r"a\u{1b}[2J\u{9b}b: found \u{202e}txt\u{d}\u{7}");
+        assert_eq!(error.subject(), "a\u{1b}[2J\u{9b}b");
+    }
+
+    #[test]
+    fn other_characters_are_printed_as_they_are() {
+        let text = "größe 光\n\ttab 🎥";
+        assert_eq!(printable(text), text);
+    }
+
+    #[cfg(feature = "presets")]
     #[test]
     fn what_needs_a_missing_feature_names_it() {
         assert!(Error::require("EXR pictures", "exr", true).is_ok());

@@ -67,6 +67,9 @@ pub mod simulate;
 pub mod spikes;
 pub mod units;
 
+#[doc(hidden)]
+pub mod threads;
+
 #[cfg(all(feature = "files", feature = "threads", feature = "internals"))]
 #[doc(hidden)]
 pub mod compare;

@@ -15,7 +15,7 @@ use graph::Graph;
 /// Rooms from the ground up; rooms on one line do not see each other.
 const HOUSE: &[&[&str]] = &[
     &["error", "setters"],
-    &["units", "interpolation", "inputs"],
+    &["units", "interpolation", "inputs", "threads"],
     &["draws", "spikes", "pixel", "npy"],
     &["sensor"],
     &["effects"],
@@ -124,6 +124,16 @@ fn a_made_up_arrow_upward_is_seen() {
     assert_eq!(upward("plan", "use crate::presets;"), ["presets"]);
     assert_eq!(upward("light", "use crate::{error::Result, simulate::run};"), ["simulate"]);
     assert!(upward("plan", "use crate::draws::hash; // crate::draws").is_empty());
+}
+
+#[test]
+fn only_the_module_threads_names_rayon() {
+    // Elsewhere it would run in the global pool, whose threads a forked child lacks.
+    for (path, text) in sources() {
+        let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
+        let names = code.filter(|line| line.contains("rayon")).count();
+        assert!(names == 0 || path.starts_with("threads"), "{} names rayon", path.display());
+    }
 }
 
 #[test]

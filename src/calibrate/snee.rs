@@ -10,14 +10,13 @@
 //! zero. [`SneeMaps::edges`] counts those pixels; what the paper reports as the spread of
 //! `C_S` and `V_S` is then the box.
 
+use crate::calibrate::sets::observed::Observed;
+use crate::error::{Error, Kind, Result};
+use crate::threads;
 #[cfg(feature = "snee")]
 use clarabel::algebra::CscMatrix;
 #[cfg(feature = "snee")]
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
-use rayon::prelude::*;
-
-use crate::calibrate::sets::observed::Observed;
-use crate::error::{Error, Kind, Result};
 
 /// What the paper's estimator is told.
 #[derive(Clone, Copy, Debug)]
@@ -164,7 +163,7 @@ pub fn snee(observed: &Observed, options: &SneeOptions) -> Result<SneeMaps> {
         let rates: Vec<f64> = levels.iter().map(|l| count(l, p)).collect();
         solve(&rates, &lights, options)
     };
-    let pixels: Vec<Option<Snee>> = (0..pixels).into_par_iter().map(of_pixel).collect();
+    let pixels: Vec<Option<Snee>> = threads::map(0..pixels, of_pixel);
     Ok(SneeMaps { pixels, box_width: options.box_width, light_scale })
 }
 

@@ -17,6 +17,7 @@ use command::Command;
 use making::{dataset, first_run, live, scene, simulate};
 use sensors::{calibrate, compare, diagnose, measure, record};
 use shared::output::{self, Out};
+use shared::progress::{self, stoppable};
 use streams::{convert, evaluate, inspect, partials, reconstruct, verify};
 use words::{completions, effects, help, man, preset};
 
@@ -32,7 +33,9 @@ pub fn main(args: impl IntoIterator<Item = impl Into<OsString>>) -> u8 {
     let out = Out::new(cli.json, cli.verbose);
     shared::limits::report_file_size();
     // The library falls back to the fastest; who asks for a backend by name wants that one.
-    match Backend::from_environment().and_then(|_| dispatch(cli.command, &out)) {
+    let done = Backend::from_environment().and_then(|_| dispatch(cli.command, &out));
+    progress::release_signals();
+    match done {
         Ok(()) => 0,
         Err(error) => {
             out.error(&error);
@@ -41,25 +44,29 @@ pub fn main(args: impl IntoIterator<Item = impl Into<OsString>>) -> u8 {
     }
 }
 
+/// What stays of a command that was stopped.
+const NOTHING: &str = "nothing was written";
+const UNFINISHED: &str = "unfinished files are removed";
+
 fn dispatch(command: Option<Command>, out: &Out) -> Result<()> {
     match command {
         None => first_run::run(out),
-        Some(Command::Simulate(args)) => simulate::run(&args, out),
+        Some(Command::Simulate(args)) => stoppable(UNFINISHED, || simulate::run(&args, out)),
         Some(Command::Live(args)) => live::run(&args, out),
         Some(Command::Inspect(args)) => inspect::run(&args, out),
-        Some(Command::Convert(args)) => convert::run(&args, out),
+        Some(Command::Convert(args)) => stoppable(UNFINISHED, || convert::run(&args, out)),
         Some(Command::Verify(args)) => verify::run(&args, out),
         Some(Command::Partials(args)) => partials::run(&args, out),
-        Some(Command::Reconstruct(args)) => reconstruct::run(&args, out),
-        Some(Command::Evaluate(args)) => evaluate::run(&args, out),
+        Some(Command::Reconstruct(args)) => stoppable(UNFINISHED, || reconstruct::run(&args, out)),
+        Some(Command::Evaluate(args)) => stoppable(NOTHING, || evaluate::run(&args, out)),
         Some(Command::Preset(args)) => preset::run(&args, out),
         Some(Command::Effects(args)) => effects::run(&args, out),
-        Some(Command::Measure(args)) => measure::run(&args, out),
-        Some(Command::Calibrate(args)) => calibrate::run(&args, out),
-        Some(Command::Compare(args)) => compare::run(&args, out),
-        Some(Command::Diagnose(args)) => diagnose::run(&args, out),
-        Some(Command::Record(args)) => record::run(&args, out),
-        Some(Command::Scene(args)) => scene::run(&args, out),
+        Some(Command::Measure(args)) => stoppable(NOTHING, || measure::run(&args, out)),
+        Some(Command::Calibrate(args)) => stoppable(NOTHING, || calibrate::run(&args, out)),
+        Some(Command::Compare(args)) => stoppable(NOTHING, || compare::run(&args, out)),
+        Some(Command::Diagnose(args)) => stoppable(args.kept(), || diagnose::run(&args, out)),
+        Some(Command::Record(args)) => stoppable(args.kept(), || record::run(&args, out)),
+        Some(Command::Scene(args)) => stoppable(UNFINISHED, || scene::run(&args, out)),
         Some(Command::Dataset(args)) => dataset::run(&args, out),
         Some(Command::Bench(args)) => bench::run(&args, out.json()),
         Some(Command::Completions(args)) => completions::run(&args, help::command(), out),

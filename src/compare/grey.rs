@@ -9,6 +9,7 @@ use crate::error::{Error, Kind, Result};
 use crate::measure::{Accumulator, MeasureOptions, Statistics, of_stream};
 use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::Packed;
+use crate::threads;
 
 /// Grey levels whose interval histograms are compared, as the paper does.
 const GREYS: [f64; 4] = [0.0, 120.0, 180.0, 240.0];
@@ -238,7 +239,7 @@ fn simulate(
     let mut pass = Pass { response: Vec::new(), histograms: Vec::new() };
     for (k, (light, readouts)) in lights.iter().zip(lengths).enumerate() {
         let seeds = Seeds { sequence: seeds.sequence + k as u64, ..seeds };
-        let mut simulator = Simulator::new(&camera, seeds)?.with_threads(rayon::current_num_threads())?;
+        let mut simulator = Simulator::new(&camera, seeds)?.with_threads(threads::count())?;
         let samples = vec![*light as f32; geometry.pixels()];
         let mut accumulator = Accumulator::new(geometry, &options(chosen.contains(&k), *readouts))?;
         let mut bits = vec![0; 496 * geometry.frame_bytes()];

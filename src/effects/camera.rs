@@ -6,6 +6,7 @@ use crate::draws::Seeds;
 use crate::error::{Error, Kind, Result};
 use crate::sensor::{FrontEnd, Sensor};
 use crate::spikes::{Crop, Geometry};
+use crate::threads;
 
 use super::catalogue::clash;
 use super::circuit::Circuit;
@@ -164,6 +165,7 @@ impl Camera {
             if super::ALL.iter().any(|d| d.name == effect.name() && *d != effect.definition()) {
                 return Err(clash(effect.name()));
             }
+            threads::check();
             effect.edit(&sensor, &mut circuit, seeds);
             ops.extend(effect.ops(&sensor));
         }

@@ -7,6 +7,7 @@ use crate::error::{Error, Kind, Result};
 use crate::formats::layouts::copy_bits;
 use crate::formats::{Finished, Reader, StreamWriter};
 use crate::spikes::{Crop, Geometry};
+use crate::threads;
 
 /// Bytes of packed frames in hand at a time.
 const BATCH: usize = 1 << 20;
@@ -64,22 +65,33 @@ pub(super) fn batches(
     // Refuses a range beyond the end before anything is read.
     reader.frames(readouts.clone())?;
     let step = (BATCH / reader.geometry().frame_bytes().max(to.frame_bytes())).max(1);
+    let mut whole = Vec::new();
+    let (first, end) = (readouts.clone().step_by(step), readouts.end);
+    let read = move |first: usize, frames: &mut Vec<u8>| {
+        read(reader, first..end.min(first + step), crop.map(|c| (c, to)), &mut whole, frames)
+    };
     std::thread::scope(|scope| {
         let (full, next) = mpsc::sync_channel(1);
         // Memory goes round, so that none is asked for at each batch.
         let (empty, again) = mpsc::channel::<Vec<u8>>();
-        scope.spawn(move || {
-            let mut whole = Vec::new();
-            for first in readouts.clone().step_by(step) {
-                let part = first..readouts.end.min(first + step);
+        let batches = first.clone();
+        let ahead = threads::spawn_scoped(scope, "read", (read, full), move |(mut read, full)| {
+            for first in batches {
                 let mut frames = again.try_recv().unwrap_or_default();
-                let read = read(reader, part, crop.map(|c| (c, to)), &mut whole, &mut frames);
+                let read = read(first, &mut frames);
                 // Nobody listens any more where `take` had an error.
                 if full.send(read.map(|()| frames)).is_err() {
                     break;
                 }
             }
         });
+        if let Err((mut read, _)) = ahead {
+            let mut frames = Vec::new();
+            return first.into_iter().try_for_each(|first| {
+                read(first, &mut frames)?;
+                take(&frames)
+            });
+        }
         while let Ok(frames) = next.recv() {
             let frames = frames?;
             take(&frames)?;

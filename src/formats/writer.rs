@@ -7,6 +7,7 @@ use crate::error::{Error, Kind, Result};
 use crate::formats::{Codec, Layout};
 use crate::spikes::Geometry;
 use crate::storage::{Digest, Writer};
+use crate::threads;
 
 /// Bytes translated and digested in one go: they stay in the second-level cache
 /// between the two, and are enough for all lanes of the digest.
@@ -239,7 +240,7 @@ impl StreamWriter {
         let file = &mut self.encoded[..len];
         self.codec.encode(packed, file)?;
         let (file, digest, writer) = (&*file, &mut self.digest, &mut self.writer);
-        both(|| writer.write_at(offset, file), || digest.update(file))
+        threads::join(|| writer.write_at(offset, file), || digest.update(file)).0
     }
 
     /// Brings the stream to the disk and gives it its name.
@@ -261,17 +262,6 @@ impl StreamWriter {
         let stale: &[&Path] = if self.replaces { &[&sidecar] } else { &[] };
         let done = self.writer.finish_replacing(stale)?;
         Ok(Finished { path: done.path, bytes: done.bytes, digest: self.digest.text(), sync: done.sync })
-    }
-}
-
-/// Does both, side by side where there are threads.
-fn both<T: Send>(one: impl FnOnce() -> T + Send, other: impl FnOnce() + Send) -> T {
-    #[cfg(feature = "threads")]
-    return rayon::join(one, other).0;
-    #[cfg(not(feature = "threads"))]
-    {
-        other();
-        one()
     }
 }
 

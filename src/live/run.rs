@@ -8,6 +8,7 @@ use crate::live::deliver::{Bursts, Deliverer};
 use crate::live::pace::{Pace, Report};
 use crate::live::sink::{Sink, Stop};
 use crate::simulate::Readouts;
+use crate::threads;
 
 /// Hands the readouts of `source`, encoded by `codec`, to `sink` at the pace of a camera whose first readout starts
 /// when the first are ready, until the source ends, the consumer leaves, or `stop` is raised.
@@ -38,9 +39,8 @@ pub fn run<C: Clock + Clone + Send>(
     let clock = clock();
     std::thread::scope(|scope| {
         let deliverer = Deliverer::new(pace, sink, clock.clone(), stop, back);
-        let thread = std::thread::Builder::new().name("deliver".into());
-        let thread = thread.spawn_scoped(scope, move || deliverer.run());
-        let thread = thread.map_err(|e| Error::io("a thread to deliver readouts", e))?;
+        let thread = threads::spawn_scoped(scope, "deliver", deliverer, Deliverer::run);
+        let thread = thread.map_err(|_| threads::no_thread("deliver readouts"))?;
         let made = ahead.run(&clock, stop, watch);
         let delivered = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         made.and(delivered)

@@ -1,12 +1,11 @@
 //! A stored stream, measured on all threads.
 
-use rayon::prelude::*;
-
 use super::{Accumulator, MeasureOptions, Statistics};
 use crate::error::Result;
 use crate::formats::Reader;
 use crate::inputs;
 use crate::spikes::{Geometry, Packed};
+use crate::threads;
 
 /// Readouts read at a time: two turns of an accumulator's counters, a quarter of what it buffers at most.
 const BATCH: usize = 496;
@@ -31,7 +30,7 @@ pub fn of_stream(
         let bytes = &mut buffer[..now * geometry.frame_bytes()];
         reader.read_frames(at, bytes)?;
         let packed = Packed::new(geometry, bytes)?;
-        accumulators.par_iter_mut().try_for_each(|a| a.push(packed))?;
+        threads::try_map(&mut accumulators, |a| a.push(packed))?;
         at += now;
         tell(at);
     }
@@ -40,7 +39,7 @@ pub fn of_stream(
 
 /// Accumulators of bands of rows, and one of whole readouts where these are asked for.
 pub(super) fn bands(geometry: Geometry, options: &MeasureOptions) -> Result<Vec<Accumulator>> {
-    let bands = (2 * rayon::current_num_threads()).clamp(1, geometry.height());
+    let bands = (2 * threads::count()).clamp(1, geometry.height());
     // Small sensors are not worth the threads' time.
     let bands = bands.min((geometry.pixels() / 2048).max(1));
     let rows = |i: usize| i * geometry.height() / bands..(i + 1) * geometry.height() / bands;
@@ -58,5 +57,5 @@ pub(super) fn bands(geometry: Geometry, options: &MeasureOptions) -> Result<Vec<
 
 /// The statistics of such bands. A block that is not full is still to be measured, so that bands end side by side as well.
 pub(super) fn joined(accumulators: Vec<Accumulator>) -> Result<Statistics> {
-    Statistics::join(accumulators.into_par_iter().map(Accumulator::finish).collect())
+    Statistics::join(threads::map(accumulators, Accumulator::finish))
 }

@@ -36,6 +36,7 @@ use crate::effects::{Camera, Model};
 use crate::error::{Error, Kind, Result};
 use crate::pixel::Law;
 use crate::spikes::Geometry;
+use crate::threads;
 use start::Origin;
 
 /// Tables are padded to a multiple of this many pixels.
@@ -147,10 +148,14 @@ impl Plan {
     /// See [`Plan::with_light`].
     pub fn of_model(model: &Model, seeds: Seeds, greatest_light: f64) -> Result<Self> {
         let geometry = model.circuit.geometry;
+        threads::check();
         let laws: Vec<Law> = (0..model.circuit.pixels()).map(|p| model.law(p)).collect();
+        threads::check();
         let scale = scale::choose(model, &laws, greatest_light)?;
+        threads::check();
         let (tables, rules, moving) = tables::build(model, &laws, &scale, greatest_light);
         let losses = Losses::of(model);
+        threads::check();
         let origin = Origin::of(model, &laws);
         let counts = tables.shot.as_ref().map(|_| &*COUNTS);
         Ok(Self {

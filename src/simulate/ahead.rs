@@ -8,6 +8,7 @@ use std::time::Duration;
 use crate::error::{Error, Kind, Result};
 use crate::light::{Frame, Rate, Source};
 use crate::spikes::Geometry;
+use crate::threads;
 
 /// Frames in hand; a few even out a decoder that works in bursts.
 const AHEAD: usize = 4;
@@ -15,12 +16,12 @@ const AHEAD: usize = 4;
 /// How often a wait for the input looks whether it should go on.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// A source that is read on a thread of its own.
+/// A source that is read on a thread of its own, or on the caller's where the system has none left.
 ///
 /// A request to stop is answered even while the input itself is silent (a pipe
 /// nobody writes to); the thread then ends at its next frame.
 pub struct Ahead {
-    frames: Receiver<Result<Frame>>,
+    frames: Frames,
     stop: Arc<AtomicBool>,
     geometry: Geometry,
     count: Option<u64>,
@@ -29,18 +30,26 @@ pub struct Ahead {
     over: bool,
 }
 
+/// Where frames come from.
+enum Frames {
+    /// From the thread that reads.
+    Beside(Receiver<Result<Frame>>),
+    /// From the source itself.
+    Here(Box<dyn Source>),
+}
+
 impl Ahead {
     /// Starts to read; setting `stop` ends it with [`Kind::Interrupted`].
-    ///
-    /// # Errors
-    /// When the system gives no thread.
-    pub fn new(source: Box<dyn Source>, stop: Arc<AtomicBool>) -> Result<Self> {
+    #[must_use]
+    pub fn new(source: Box<dyn Source>, stop: Arc<AtomicBool>) -> Self {
         let (geometry, count, rate) = (source.geometry(), source.frames(), source.rate());
         let about = source.describe();
         let (sender, frames) = sync_channel(AHEAD);
-        let thread = std::thread::Builder::new().name("light".into());
-        thread.spawn(move || read(source, &sender)).map_err(|e| Error::io("a thread to read light", e))?;
-        Ok(Self { frames, stop, geometry, count, rate, about, over: false })
+        let frames = match threads::spawn("light", source, move |source| read(source, &sender)) {
+            Ok(()) => Frames::Beside(frames),
+            Err(source) => Frames::Here(source),
+        };
+        Self { frames, stop, geometry, count, rate, about, over: false }
     }
 }
 
@@ -74,7 +83,11 @@ impl Source for Ahead {
             if self.stop.load(Ordering::Relaxed) {
                 return Err(Error::new(Kind::Interrupted, "reading light").found("a request to stop"));
             }
-            match self.frames.recv_timeout(PATIENCE) {
+            let frames = match &mut self.frames {
+                Frames::Beside(frames) => frames,
+                Frames::Here(source) => return source.next_frame(into),
+            };
+            match frames.recv_timeout(PATIENCE) {
                 Ok(frame) => {
                     *into = frame?;
                     return Ok(true);

@@ -8,8 +8,6 @@ mod clear;
 mod feed;
 mod frame;
 mod frames;
-#[cfg(feature = "threads")]
-mod pool;
 #[cfg(feature = "files")]
 mod readouts;
 #[cfg(feature = "files")]
@@ -25,6 +23,8 @@ mod tiles;
 mod writing;
 
 pub use crate::kernels::Samples;
+#[cfg(feature = "threads")]
+pub use crate::threads::Pool;
 #[cfg(all(feature = "files", feature = "internals"))]
 #[doc(hidden)]
 pub use ahead::Ahead;
@@ -53,8 +53,6 @@ pub use clear::looks::{Glance, Looks};
 #[cfg(all(feature = "files", not(feature = "internals")))]
 pub(crate) use clear::looks::{Glance, Looks};
 pub use frame::FrameRef;
-#[cfg(feature = "threads")]
-pub use pool::Pool;
 #[cfg(all(feature = "files", feature = "internals"))]
 #[doc(hidden)]
 pub use readouts::Readouts;

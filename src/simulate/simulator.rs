@@ -4,14 +4,19 @@ use crate::error::{Error, Kind, Result};
 use crate::kernels::{self, Backend, Batch, Job, Light, Segment};
 use crate::plan::{OTHER_PLAN, Plan, State, StateParts};
 use crate::simulate::FrameRef;
-#[cfg(feature = "threads")]
-use crate::simulate::Pool;
 use crate::simulate::segments::{batches, between, split};
 use crate::simulate::tiles::{gather, tile_of};
+use crate::threads;
+#[cfg(feature = "threads")]
+use crate::threads::Pool;
 
 /// Readouts of a batch: long enough that loading a vector's tables costs
 /// nothing, short enough that a tile's bits stay in cache.
 pub(super) const BATCH: usize = 128;
+
+/// Readouts that one thread collects at a time.
+#[cfg(feature = "threads")]
+const GATHERED: usize = 8;
 
 /// A camera at work: push light, receive packed readouts.
 ///
@@ -29,7 +34,7 @@ pub struct Simulator {
     /// what the batch before it used last.
     turned: bool,
     #[cfg(feature = "threads")]
-    pool: Option<std::sync::Arc<rayon::ThreadPool>>,
+    pool: Option<Pool>,
 }
 
 impl Simulator {
@@ -96,7 +101,7 @@ impl Simulator {
     pub fn with_pool(mut self, pool: &Pool) -> Self {
         self.tile = tile_of(&self.plan, pool.threads());
         self.bits.resize(self.plan.padded().div_ceil(self.tile), Vec::new());
-        self.pool = pool.0.clone();
+        self.pool = (pool.threads() > 1).then(|| pool.clone());
         self
     }
 
@@ -322,6 +327,7 @@ impl Simulator {
         let most = if alone { 1 } else { BATCH };
         let mut kept = 0;
         for batch in batches(segments, most) {
+            threads::check();
             let readouts: usize = batch.iter().map(|s| s.readouts).sum();
             kept += self.run_batch(&batch, &mut out[kept * bytes..][..readouts * bytes]);
         }
@@ -348,13 +354,15 @@ impl Simulator {
         }
         #[cfg(feature = "threads")]
         if let Some(pool) = &self.pool {
-            use rayon::prelude::*;
-            let work = parts.par_iter_mut().zip(self.bits.par_iter_mut()).enumerate();
-            pool.install(|| work.with_max_len(1).for_each(tile));
+            pool.for_each(parts.iter_mut().zip(&mut self.bits).enumerate().collect(), tile);
             if !plan.losses().any() {
                 let bytes = plan.geometry().frame_bytes();
-                let frames = out.par_chunks_exact_mut(bytes).enumerate().with_min_len(8);
-                pool.install(|| frames.for_each(|(t, frame)| gather(&self.bits, pixels, t, plan, frame)));
+                let gather = |(part, frames): (usize, &mut [u8])| {
+                    for (i, frame) in frames.chunks_exact_mut(bytes).enumerate() {
+                        gather(&self.bits, pixels, part * GATHERED + i, plan, frame);
+                    }
+                };
+                pool.for_each(out.chunks_mut(GATHERED * bytes).enumerate().collect(), gather);
                 self.state.advance(readouts);
                 return readouts;
             }

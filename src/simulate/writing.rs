@@ -9,6 +9,7 @@ use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
 use crate::error::{Error, Kind, Result};
 use crate::formats::StreamWriter;
 use crate::spikes;
+use crate::threads;
 
 /// Buffers that go round: one being filled, one waiting, one being written.
 const BUFFERS: usize = 3;
@@ -69,7 +70,8 @@ fn ended() -> Error {
     Error::new(Kind::Io, "writing").found("a thread that ended")
 }
 
-/// Does `work` with the streams to write to, on this thread or (`beside`) with a thread for the files.
+/// Does `work` with the streams to write to, on this thread or (`beside`) with a thread for the files where the system has one
+/// left.
 ///
 /// # Errors
 /// Those of the files, and of `work`.
@@ -88,14 +90,18 @@ pub(super) fn write<T>(
         let _ = back.send(Vec::new());
     }
     std::thread::scope(|scope| {
-        let files = scope.spawn(move || {
+        let append = move |streams: &mut [Stream]| {
             for (index, packed) in batches {
                 streams[index].append(&packed)?;
                 // Nobody waits for it at the end of the run.
                 let _ = back.send(packed);
             }
             Ok(())
-        });
+        };
+        let files = match threads::spawn_scoped(scope, "files", streams, append) {
+            Ok(files) => files,
+            Err(streams) => return work(Writing::Here { streams, buffer: Vec::new() }),
+        };
         let done = work(Writing::Beside { full, empty });
         match files.join() {
             Ok(written) => written.and(done),

@@ -8,6 +8,7 @@ use super::steps::record;
 use super::steps::{io, sync_file, sync_folder};
 use crate::error::{Error, Result};
 use crate::inputs::{Access, InnerPath};
+use crate::threads;
 
 /// Files that are synced at a time: waits for the disk overlap, and journals take several at once.
 const AT_ONCE: usize = 8;
@@ -106,14 +107,7 @@ pub(crate) fn sync_tree(folder: &Path) -> Result<()> {
     let (mut files, mut folders) = (Vec::new(), Vec::new());
     walk(folder, &mut files, &mut folders)?;
     let sync = |path: &PathBuf| sync_file(&File::open(path).map_err(io(path))?, path);
-    let each = files.len().div_ceil(AT_ONCE).max(1);
-    std::thread::scope(|scope| {
-        let parts: Vec<_> =
-            files.chunks(each).map(|part| scope.spawn(move || part.iter().try_for_each(sync))).collect();
-        parts.into_iter().try_for_each(|part| {
-            part.join().unwrap_or_else(|_| Err(Error::new(crate::Kind::Io, "a thread that syncs files")))
-        })
-    })?;
+    threads::indexed(AT_ONCE, files.len(), |i| sync(&files[i])).into_iter().collect::<Result<()>>()?;
     folders.iter().rev().try_for_each(|f| sync_folder(f))
 }
 

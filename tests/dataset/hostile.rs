@@ -27,7 +27,7 @@ use spikelane::storage::Digest;
 const CODES: [i32; 13] = [0, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 75, 130];
 
 /// A command that has not ended by then hangs: each takes a fraction of a second.
-const HANG: Duration = Duration::from_secs(120);
+const HANG: Duration = Duration::from_secs(60);
 
 /// The address space of a command in KiB, which a count that becomes a size would exceed.
 const ADDRESS_SPACE_KIB: u64 = 8_000_000;

@@ -413,7 +413,7 @@ pub unsafe extern "C" fn spl_simulator_free(simulator: *mut spl_simulator) -> sp
 ///
 /// # Safety
 /// `simulator` is NULL or a handle; `frame` is NULL or says the truth; `out` is NULL or has `out_bytes` bytes that can be
-/// written and are not the frame's.
+/// written. Memory of the frame that overlaps `out` is refused. No other thread changes either during the call.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_push(
     simulator: *mut spl_simulator,
@@ -425,7 +425,7 @@ pub unsafe extern "C" fn spl_push(
     door(|| {
         let out = slice_mut(out, out_bytes, "out")?;
         write(simulator, |s: &mut Simulator| {
-            let frame = light(frame, "frame", s.geometry())?;
+            let frame = light(frame, "frame", s.geometry(), out)?;
             s.push(frame, readouts, out)
         })
     })
@@ -448,7 +448,7 @@ pub unsafe extern "C" fn spl_push_between(
     door(|| {
         let out = slice_mut(out, out_bytes, "out")?;
         write(simulator, |s: &mut Simulator| {
-            let frames = [light(from, "from", s.geometry())?, light(to, "to", s.geometry())?];
+            let frames = [light(from, "from", s.geometry(), out)?, light(to, "to", s.geometry(), out)?];
             s.push_frames(&frames, readouts as u64, SPL_LINEAR, readouts, out)
         })
     })
@@ -474,7 +474,7 @@ pub unsafe extern "C" fn spl_push_frames(
     door(|| {
         let out = slice_mut(out, out_bytes, "out")?;
         write(simulator, |s: &mut Simulator| {
-            let frames = lights(frames, count, s.geometry())?;
+            let frames = lights(frames, count, s.geometry(), out)?;
             s.push_frames(&frames, readouts_per_frame, insertion, readouts, out)
         })
     })
@@ -498,9 +498,11 @@ pub unsafe extern "C" fn spl_expose_frames(
     written: *mut usize,
 ) -> spl_status {
     door(|| {
-        let (out, written) = (slice_mut(out, out_bytes, "out")?, place(written, "written")?);
+        let out = slice_mut(out, out_bytes, "out")?;
+        apart(written, 1, "written", out, "out")?;
+        let written = place(written, "written")?;
         *written = write(simulator, |s: &mut Simulator| {
-            let frames = lights(frames, count, s.geometry())?;
+            let frames = lights(frames, count, s.geometry(), out)?;
             s.expose_frames(&frames, readouts_per_frame, insertion, readouts, out)
         })?;
         Ok(())
@@ -574,8 +576,9 @@ pub unsafe extern "C" fn spl_unpack(
     bits_bytes: usize,
 ) -> spl_status {
     door(|| {
-        let packed = slice(packed, packed_bytes, "packed")?;
         let bits = slice_mut(bits, bits_bytes, "bits")?;
+        apart(packed, packed_bytes, "packed", bits, "bits")?;
+        let packed = slice(packed, packed_bytes, "packed")?;
         spikes::unpack(Geometry::new(width, height)?, packed, bits)
     })
 }
@@ -710,6 +713,18 @@ unsafe fn slice_mut<'a, T>(values: *mut T, count: usize, name: &str) -> Result<&
     Ok(std::slice::from_raw_parts_mut(values, count))
 }
 
+/// Refuses `count` values that overlap the bytes that a call writes. Comes before a slice of them is made.
+fn apart<T>(values: *const T, count: usize, name: &str, written: &[u8], its_name: &str) -> Result<()> {
+    let (start, bytes) = (values as usize, count.saturating_mul(size_of::<T>()));
+    let other = written.as_ptr() as usize;
+    let is_apart = start.saturating_add(bytes) <= other || other.saturating_add(written.len()) <= start;
+    if count == 0 || written.is_empty() || is_apart {
+        return Ok(());
+    }
+    let expected = format!("memory apart from {its_name}, which the call writes");
+    Err(usage(name, format_args!("memory that overlaps {its_name}"), expected, "give another buffer"))
+}
+
 /// Checks that `count` values can lie there.
 fn check<T>(values: *const T, count: usize, name: &str) -> Result<()> {
     if values.is_null() {
@@ -719,7 +734,8 @@ fn check<T>(values: *const T, count: usize, name: &str) -> Result<()> {
         let expected = format!("an address that is a multiple of {}", align_of::<T>());
         return Err(usage(name, format_args!("{values:p}"), expected, "align the buffer"));
     }
-    if count > isize::MAX as usize / size_of::<T>() {
+    let bytes = count.checked_mul(size_of::<T>()).filter(|bytes| *bytes <= isize::MAX as usize);
+    if bytes.and_then(|bytes| (values as usize).checked_add(bytes)).is_none() {
         return Err(usage(name, format_args!("{count} values"), "what memory can hold", "check the size"));
     }
     Ok(())
@@ -737,13 +753,20 @@ unsafe fn seeds_of(given: *const spl_seeds) -> Result<Seeds> {
     Ok(seeds(*given))
 }
 
-/// A frame of the caller's.
-unsafe fn light<'a>(frame: *const spl_frame, name: &str, geometry: Geometry) -> Result<FrameRef<'a>> {
+/// A frame of the caller's for a call that writes `out`.
+unsafe fn light<'a>(
+    frame: *const spl_frame,
+    name: &str,
+    geometry: Geometry,
+    out: &[u8],
+) -> Result<FrameRef<'a>> {
     if frame.is_null() {
         return Err(null(name, "a frame"));
     }
     check(frame, 1, name)?;
+    apart(frame, 1, name, out, "out")?;
     let spl_frame { samples, samples_bytes: bytes, stride, sample_type } = *frame;
+    apart(samples.cast::<u8>(), bytes, name, out, "out")?;
     let samples = match sample_type {
         SPL_U8 => Samples::U8(slice(samples.cast(), bytes, name)?),
         SPL_U16 => Samples::U16(slice(samples.cast(), bytes / 2, name)?),
@@ -761,7 +784,10 @@ unsafe fn lights<'a>(
     frames: *const spl_frame,
     count: usize,
     geometry: Geometry,
+    out: &[u8],
 ) -> Result<Vec<FrameRef<'a>>> {
+    apart(frames, count, "frames", out, "out")?;
     let frames = slice(frames, count, "frames")?;
-    frames.iter().enumerate().map(|(i, frame)| light(frame, &format!("frame {i}"), geometry)).collect()
+    let one = |(i, frame): (usize, &spl_frame)| light(frame, &format!("frame {i}"), geometry, out);
+    frames.iter().enumerate().map(one).collect()
 }

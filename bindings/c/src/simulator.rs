@@ -2,7 +2,7 @@
 #![forbid(unsafe_code)]
 
 use spikelane::light::{Insertion, Timeline};
-use spikelane::simulate::{FrameRef, Pool};
+use spikelane::simulate::FrameRef;
 use spikelane::{Backend, Geometry, Plan, Result, Seeds, presets};
 
 use crate::camera::Camera;
@@ -15,9 +15,6 @@ pub struct Simulator {
     inner: spikelane::Simulator,
     /// The key of its camera, for saved states.
     camera: u64,
-    threads: usize,
-    /// The process whose threads these are.
-    process: u32,
 }
 
 /// Seeds as the library has them.
@@ -30,13 +27,10 @@ impl Simulator {
         if !(1..=4096).contains(&threads) {
             return Err(usage("threads", threads, "1 to 4096", "give the number of cores"));
         }
-        let threads = threads as usize;
         let plan = Plan::with_light(&camera.0, seeds, greatest_light)?;
         Ok(Self {
-            inner: spikelane::Simulator::of_plan(plan).with_threads(threads)?,
+            inner: spikelane::Simulator::of_plan(plan).with_threads(threads as usize)?,
             camera: presets::key(&presets::to_bytes(&camera.0)?),
-            threads,
-            process: std::process::id(),
         })
     }
 
@@ -70,17 +64,6 @@ impl Simulator {
         self.inner.restore(self.camera, bytes)
     }
 
-    /// Threads do not survive a fork: a child process gets its own.
-    fn own_threads(&mut self) -> Result<()> {
-        if self.threads > 1 && self.process != std::process::id() {
-            let simulator = self.inner.clone().with_pool(&Pool::new(self.threads)?);
-            // The parent's threads are not here to be ended.
-            std::mem::forget(std::mem::replace(&mut self.inner, simulator));
-            self.process = std::process::id();
-        }
-        Ok(())
-    }
-
     fn check_room(&self, readouts: usize, out: &[u8]) -> Result<()> {
         let bytes = self.geometry().frame_bytes();
         if readouts.checked_mul(bytes) == Some(out.len()) {
@@ -96,7 +79,6 @@ impl Simulator {
 
     /// Holds a frame for `readouts` readouts.
     pub fn push(&mut self, frame: FrameRef<'_>, readouts: usize, out: &mut [u8]) -> Result<()> {
-        self.own_threads()?;
         self.check_room(readouts, out)?;
         self.inner.push(frame, out)
     }
@@ -110,7 +92,6 @@ impl Simulator {
         readouts: usize,
         out: &mut [u8],
     ) -> Result<()> {
-        self.own_threads()?;
         self.check_room(readouts, out)?;
         self.inner.push_frames(frames, &timeline(per_frame, insertion)?, out)
     }
@@ -124,7 +105,6 @@ impl Simulator {
         readouts: usize,
         out: &mut [u8],
     ) -> Result<usize> {
-        self.own_threads()?;
         self.check_room(readouts, out)?;
         self.inner.expose_frames(frames, &timeline(per_frame, insertion)?, readouts, out)
     }

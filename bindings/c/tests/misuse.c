@@ -116,6 +116,11 @@ static void pushes(void) {
     REFUSED(spl_push(s, &good, N, out, SIZE_MAX), SPL_USAGE, "out");
     f.samples_bytes = sizeof grey - 1;
     REFUSED(spl_push(s, &f, N, out, sizeof out), SPL_INPUT, "samples");
+    f = good, f.samples = out + 4;
+    REFUSED(spl_push(s, &f, N, out, sizeof out), SPL_USAGE, "overlaps out");
+    REFUSED(spl_push_frames(s, &f, 1, N, SPL_HOLD, N, out, sizeof out), SPL_USAGE, "overlaps out");
+    REFUSED(spl_unpack(W, H, grey + 5, BYTES, grey, W * H), SPL_USAGE, "overlaps bits");
+    REFUSED(spl_unpack(W, H, (uint8_t *)(UINTPTR_MAX - 1), BYTES, grey, W * H), SPL_USAGE, "memory can hold");
     f = good, f.samples = NULL;
     REFUSED(spl_push(s, &f, N, out, sizeof out), SPL_USAGE, "frame: found NULL");
     f = good, f.sample_type = 9;

@@ -1,9 +1,8 @@
 //! NumPy arrays as frames of light and as buffers.
 
-use numpy::ndarray::{Array3, ArrayView2, ArrayView3, Axis, Ix2, Ix3};
 use numpy::{
-    Element, PyArray1, PyArrayDyn, PyArrayMethods as _, PyReadonlyArray, PyReadwriteArrayDyn, PyUntypedArray,
-    PyUntypedArrayMethods as _,
+    Element, PyArray1, PyArrayDyn, PyArrayMethods as _, PyReadonlyArrayDyn, PyReadwriteArrayDyn,
+    PyUntypedArray, PyUntypedArrayMethods as _,
 };
 use pyo3::prelude::*;
 use spikelane::Geometry;
@@ -12,7 +11,10 @@ use spikelane::simulate::Samples;
 
 use crate::error::{Raise as _, usage, wrong_type};
 
-/// Frames of light, borrowed for as long as this lives.
+/// Frames of light that stay as they are while Rust reads them.
+///
+/// They are in one block, aligned, and by default a copy: while the interpreter's lock is released, another thread of Python
+/// may write into any array that it knows.
 pub enum Light<'py> {
     U8(Frames<'py, u8>),
     U16(Frames<'py, u16>),
@@ -20,38 +22,58 @@ pub enum Light<'py> {
 }
 
 /// One frame, or a stack of them.
-pub enum Frames<'py, T: Element> {
-    One(PyReadonlyArray<'py, T, Ix2>),
-    Many(PyReadonlyArray<'py, T, Ix3>),
+pub struct Frames<'py, T: Element> {
+    /// What the caller gave. Held too, so that a call cannot write into it.
+    _given: PyReadonlyArrayDyn<'py, T>,
+    read: PyReadonlyArrayDyn<'py, T>,
 }
 
-/// Frames that a kernel can read: borrowed where rows follow each other, copied where they do not.
-pub enum Rows<'a, T> {
-    Borrowed(Vec<&'a [T]>),
-    Copied(Array3<T>),
+/// Which frames are copied.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Copies {
+    /// All.
+    All,
+    /// Those that are not in one block or not aligned. Only where the interpreter's lock is held, or the caller keeps other
+    /// threads from the array.
+    Needed,
 }
 
 impl<'py> Light<'py> {
     /// Takes `array` as light; `name` is the argument.
-    pub fn of(array: &Bound<'py, PyAny>, name: &str) -> PyResult<Self> {
-        if let Ok(frames) = Frames::of(array, name) {
+    pub fn of(array: &Bound<'py, PyAny>, name: &str, copies: Copies) -> PyResult<Self> {
+        if let Ok(frames) = Frames::of(array, name, copies) {
             return frames.map(Self::U8);
         }
-        if let Ok(frames) = Frames::of(array, name) {
+        if let Ok(frames) = Frames::of(array, name, copies) {
             return frames.map(Self::U16);
         }
-        if let Ok(frames) = Frames::of(array, name) {
+        if let Ok(frames) = Frames::of(array, name, copies) {
             return frames.map(Self::F32);
         }
         Err(not_light(array, name))
     }
 
+    fn shape(&self) -> &[usize] {
+        match self {
+            Self::U8(frames) => frames.read.shape(),
+            Self::U16(frames) => frames.read.shape(),
+            Self::F32(frames) => frames.read.shape(),
+        }
+    }
+
     /// Number of frames.
     pub fn count(&self) -> usize {
-        match self {
-            Self::U8(frames) => frames.view().len_of(Axis(0)),
-            Self::U16(frames) => frames.view().len_of(Axis(0)),
-            Self::F32(frames) => frames.view().len_of(Axis(0)),
+        match self.shape() {
+            [count, _, _] => *count,
+            _ => 1,
+        }
+    }
+
+    /// Height and width of the frames.
+    pub fn size(&self) -> (usize, usize) {
+        match self.shape() {
+            [.., height, width] => (*height, *width),
+            _ => (0, 0),
         }
     }
 
@@ -69,110 +91,67 @@ impl<'py> Light<'py> {
         ))
     }
 
-    /// The frames as kernels read them.
-    pub fn rows(&self) -> LightRows<'_> {
-        match self {
-            Self::U8(frames) => LightRows::U8(Rows::of(&frames.view())),
-            Self::U16(frames) => LightRows::U16(Rows::of(&frames.view())),
-            Self::F32(frames) => LightRows::F32(Rows::of(&frames.view())),
-        }
-    }
-
-    /// Height and width of the frames.
-    pub fn size(&self) -> (usize, usize) {
-        match self {
-            Self::U8(frames) => frames.size(),
-            Self::U16(frames) => frames.size(),
-            Self::F32(frames) => frames.size(),
-        }
-    }
-}
-
-/// [`Light`] without the interpreter.
-pub enum LightRows<'a> {
-    U8(Rows<'a, u8>),
-    U16(Rows<'a, u16>),
-    F32(Rows<'a, f32>),
-}
-
-impl LightRows<'_> {
     /// The frames, which have the size of `geometry`.
-    pub fn frames(&self, geometry: Geometry) -> Vec<FrameRef<'_>> {
+    pub fn frames(&self, geometry: Geometry) -> PyResult<Vec<FrameRef<'_>>> {
         match self {
-            Self::U8(rows) => rows.frames(geometry, Samples::U8),
-            Self::U16(rows) => rows.frames(geometry, Samples::U16),
-            Self::F32(rows) => rows.frames(geometry, Samples::F32),
+            Self::U8(frames) => frames.each(geometry, Samples::U8),
+            Self::U16(frames) => frames.each(geometry, Samples::U16),
+            Self::F32(frames) => frames.each(geometry, Samples::F32),
         }
     }
 }
 
 impl<'py, T: Element + Copy> Frames<'py, T> {
     /// `Err(())` when the elements are others.
-    fn of(array: &Bound<'py, PyAny>, name: &str) -> std::result::Result<PyResult<Self>, ()> {
+    fn of(array: &Bound<'py, PyAny>, name: &str, copies: Copies) -> std::result::Result<PyResult<Self>, ()> {
         let array = array.cast::<PyArrayDyn<T>>().map_err(|_| ())?;
+        Ok(Self::of_array(array, name, copies))
+    }
+
+    fn of_array(array: &Bound<'py, PyArrayDyn<T>>, name: &str, copies: Copies) -> PyResult<Self> {
         let axes = array.ndim();
-        let frames = match axes {
-            2 => array.cast::<numpy::PyArray2<T>>().ok().map(|a| a.try_readonly().map(Self::One)),
-            3 => array.cast::<numpy::PyArray3<T>>().ok().map(|a| a.try_readonly().map(Self::Many)),
-            _ => None,
-        };
-        Ok(match frames {
-            Some(Ok(frames)) => Ok(frames),
-            Some(Err(_)) => Err(usage(
-                name,
-                "an array that another call writes into",
-                "light that nothing changes meanwhile",
-                "wait for the other call, or give a copy",
-            )),
-            None => Err(usage(
+        if !matches!(axes, 2 | 3) {
+            return Err(usage(
                 name,
                 format_args!("an array of {axes} axes"),
                 "one frame (H, W) or frames (N, H, W)",
                 "index or reshape the array",
-            )),
-        })
-    }
-
-    fn view(&self) -> ArrayView3<'_, T> {
-        match self {
-            Self::One(frame) => frame.as_array().insert_axis(Axis(0)),
-            Self::Many(frames) => frames.as_array(),
+            ));
         }
-    }
-
-    fn size(&self) -> (usize, usize) {
-        let (_, height, width) = self.view().dim();
-        (height, width)
-    }
-}
-
-impl<'a, T: Copy> Rows<'a, T> {
-    fn of(view: &ArrayView3<'a, T>) -> Self {
-        let frame = |i: usize| -> Option<&'a [T]> {
-            let frame: ArrayView2<'a, T> = view.index_axis_move(Axis(0), i);
-            frame.to_slice()
+        let busy = |_| {
+            usage(
+                name,
+                "an array that another call writes into",
+                "light that nothing changes meanwhile",
+                "wait for the other call, or give a copy",
+            )
         };
-        let slices: Option<Vec<_>> = (0..view.len_of(Axis(0))).map(frame).collect();
-        match slices {
-            Some(slices) => Self::Borrowed(slices),
-            None => Self::Copied(view.as_standard_layout().into_owned()),
-        }
+        let given = array.try_readonly().map_err(busy)?;
+        let read = match copies == Copies::All || !is_plain(array) {
+            true => copied(array)?,
+            false => array.try_readonly().map_err(busy)?,
+        };
+        Ok(Self { _given: given, read })
     }
 
-    fn frames<'s>(
+    fn each<'s>(
         &'s self,
         geometry: Geometry,
         samples: impl Fn(&'s [T]) -> Samples<'s>,
-    ) -> Vec<FrameRef<'s>> {
+    ) -> PyResult<Vec<FrameRef<'s>>> {
         let frame = |s: &'s [T]| FrameRef::dense(samples(s), geometry);
-        match self {
-            Self::Borrowed(slices) => slices.iter().map(|s| frame(s)).collect(),
-            Self::Copied(copy) => {
-                let pixels = geometry.pixels();
-                copy.as_slice().unwrap_or_default().chunks_exact(pixels).map(frame).collect()
-            }
-        }
+        Ok(self.read.as_slice()?.chunks_exact(geometry.pixels()).map(frame).collect())
     }
+}
+
+/// Whether a slice may be made of an array: in one block, at an address for its elements.
+fn is_plain<T: Element>(array: &Bound<'_, PyArrayDyn<T>>) -> bool {
+    array.is_c_contiguous() && (array.data() as usize).is_multiple_of(align_of::<T>())
+}
+
+/// A copy that no other thread knows, in one block and aligned. NumPy raises MemoryError where there is too little.
+pub fn copied<'py, T: Element>(array: &Bound<'py, PyArrayDyn<T>>) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
+    Ok(array.call_method0("copy")?.cast_into::<PyArrayDyn<T>>()?.try_readonly()?)
 }
 
 fn not_light(array: &Bound<'_, PyAny>, name: &str) -> PyErr {
@@ -190,7 +169,8 @@ fn not_light(array: &Bound<'_, PyAny>, name: &str) -> PyErr {
     wrong_type(name, format_args!("an array of {dtype}"), expected, remedy)
 }
 
-/// Checks a caller's buffer of bytes: its shape, and that it can be written as one block.
+/// Checks a caller's buffer of bytes: its shape, and that it can be written as one block. The caller keeps other threads from it
+/// during the call.
 pub fn buffer<'py>(
     out: &Bound<'py, PyAny>,
     shape: &[usize],
@@ -229,7 +209,7 @@ pub fn buffer<'py>(
     })
 }
 
-/// A borrowed array of bytes in one block, of any number of axes.
+/// A borrowed array of bytes in one block, of any number of axes. Copy it ([`copied`]) or read it under the interpreter's lock.
 pub fn bytes<'py>(array: &Bound<'py, PyAny>, name: &str) -> PyResult<numpy::PyReadonlyArrayDyn<'py, u8>> {
     let Ok(array) = array.cast::<PyArrayDyn<u8>>() else {
         let found = array.getattr("dtype").map_or_else(|_| array.get_type().to_string(), |d| d.to_string());

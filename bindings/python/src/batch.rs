@@ -12,7 +12,7 @@ use spikelane::simulate::Samples;
 use spikelane::spikes::{self, Crop};
 use spikelane::{Error, Geometry, Kind, Plan, Seeds, Simulator};
 
-use crate::arrays::{Light, buffer, geometry, picture, zeros};
+use crate::arrays::{Copies, Light, buffer, geometry, picture, zeros};
 use crate::camera::Camera;
 use crate::error::{Raise as _, usage};
 use crate::simulator::{check_threads, timeline, wanted};
@@ -51,12 +51,12 @@ struct Common {
 /// that part of a larger camera, with the fixed pattern of that place (`Camera.window`).
 ///
 /// `out` receives the spikes, if given. `progress(done, total)` hears about clips; True shows a bar
-/// where tqdm is installed. Ctrl-C stops the batch.
+/// where tqdm is installed. Ctrl-C stops the batch. The clips are copied first unless copy=False, as in `Simulator.push`.
 ///
 /// Raises as `Simulator.push`; errors name the clip.
 #[pyfunction]
 #[pyo3(signature = (camera, clips, readouts_per_frame=1, *, sequences, seed=0, camera_seed=None, windows=None,
-    insertion="linear", readouts=None, threads=1, bits=true, greatest_light=1.0, out=None, progress=None))]
+    insertion="linear", readouts=None, threads=1, bits=true, greatest_light=1.0, out=None, progress=None, copy=true))]
 pub fn simulate_batch<'py>(
     py: Python<'py>,
     camera: &Bound<'py, PyAny>,
@@ -73,10 +73,11 @@ pub fn simulate_batch<'py>(
     greatest_light: f64,
     out: Option<&Bound<'py, PyAny>>,
     progress: Option<Py<PyAny>>,
+    copy: bool,
 ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
     check_threads(threads)?;
     let timeline = timeline(readouts_per_frame, insertion)?;
-    let lights = lights(clips)?;
+    let lights = lights(clips, if copy { Copies::All } else { Copies::Needed })?;
     let (height, width) = lights[0].size();
     let geometry = geometry(height, width)?;
     let cameras = each(camera, lights.len())?;
@@ -125,20 +126,19 @@ pub fn simulate_batch<'py>(
         .map_err(|e| usage("out", e, "an array of its own in one block", "give another array"))?;
     let whole = target.as_slice_mut()?;
     let size = (whole.len() / lights.len()).max(1);
-    let rows: Vec<_> = lights.iter().map(Light::rows).collect();
     let mut parts = whole.chunks_mut(size);
     let items: Vec<Mutex<Item<'_>>> = (0..lights.len())
         .map(|i| {
-            Mutex::new(Item {
+            Ok(Mutex::new(Item {
                 camera: &cameras[i],
                 camera_seed: camera_seeds[i],
                 crop: crops.as_ref().map(|c| c[i]),
                 seeds: Seeds { camera: camera_seeds[i], shot: seed, sequence: sequences[i] },
-                frames: rows[i].frames(geometry),
+                frames: lights[i].frames(geometry)?,
                 out: parts.next().unwrap_or_default(),
-            })
+            }))
         })
-        .collect();
+        .collect::<PyResult<_>>()?;
     let common = Common { geometry, timeline, greatest_light, bits };
     let mut watch = Watch::new(py, progress, "clips")?;
     let threads = threads.min(lights.len());
@@ -160,7 +160,7 @@ fn run(
     if threads == 1 {
         let mut worker = Worker::default();
         for (i, item) in items.iter().enumerate() {
-            worker.clip(i, item, common)?;
+            worker.clip(i, item, common, &mut || watch.step(i as f64, total))?;
             watch.step(i as f64 + 1.0, total)?;
         }
         return Ok(());
@@ -168,6 +168,7 @@ fn run(
     let (next, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
     let (tell, told) = mpsc::channel();
     std::thread::scope(|scope| {
+        let mut started = 0;
         for _ in 0..threads {
             let tell = tell.clone();
             let work = || {
@@ -177,17 +178,25 @@ fn run(
                     let i = next.fetch_add(1, Ordering::Relaxed);
                     let Some(item) = items.get(i).filter(|_| !stop.load(Ordering::Relaxed)) else { return };
                     // Nobody listens any more once the batch has failed.
-                    let _ = tell.send(worker.clip(i, item, common));
+                    let go_on = &mut || match stop.load(Ordering::Relaxed) {
+                        true => Err(Error::new(Kind::Interrupted, "stopped on request")),
+                        false => Ok(()),
+                    };
+                    let _ = tell.send(worker.clip(i, item, common, go_on));
                 }
             };
             // The kernels' frames overflow small stacks where nothing is optimised.
             let spawned = std::thread::Builder::new().stack_size(16 << 20).spawn_scoped(scope, work);
-            if let Err(e) = spawned {
-                stop.store(true, Ordering::Relaxed);
-                return Err(Error::io("threads", e));
+            if spawned.is_err() {
+                break;
             }
+            started += 1;
         }
         drop(tell);
+        if started == 0 {
+            // The system has no thread left but this one.
+            return run(items, common, 1, watch);
+        }
         let (mut done, mut result) = (0.0, Ok(()));
         loop {
             let step = match told.recv_timeout(PERIOD) {
@@ -215,13 +224,26 @@ struct Worker {
 }
 
 impl Worker {
-    fn clip(&mut self, i: usize, item: &Mutex<Item<'_>>, common: &Common) -> spikelane::Result<()> {
+    /// One clip; an error of `go_on`, which is called between blocks of readouts, ends it.
+    fn clip(
+        &mut self,
+        i: usize,
+        item: &Mutex<Item<'_>>,
+        common: &Common,
+        go_on: &mut dyn FnMut() -> spikelane::Result<()>,
+    ) -> spikelane::Result<()> {
         let mut item =
             item.lock().map_err(|_| Error::new(Kind::Usage, "clip").found("a thread that failed"))?;
-        self.simulate(&mut item, common).map_err(|e| e.within(format_args!("clips[{i}]")))
+        self.simulate(&mut item, common, go_on).map_err(|e| e.within(format_args!("clips[{i}]")))
     }
 
-    fn simulate(&mut self, item: &mut Item<'_>, common: &Common) -> spikelane::Result<()> {
+    fn simulate(
+        &mut self,
+        item: &mut Item<'_>,
+        common: &Common,
+        go_on: &mut dyn FnMut() -> spikelane::Result<()>,
+    ) -> spikelane::Result<()> {
+        let watch = &mut |_| go_on();
         let plan = item.camera.plan(item.camera_seed, common.greatest_light)?;
         let simulator = match (item.crop, &mut self.last) {
             (Some(crop), last) => {
@@ -238,11 +260,11 @@ impl Worker {
             }
         };
         if !common.bits {
-            return simulator.push_frames(&item.frames, &common.timeline, item.out);
+            return simulator.push_frames_watched(&item.frames, &common.timeline, item.out, watch);
         }
         let geometry = common.geometry;
         self.packed.resize(item.out.len() / geometry.pixels() * geometry.frame_bytes(), 0);
-        simulator.push_frames(&item.frames, &common.timeline, &mut self.packed)?;
+        simulator.push_frames_watched(&item.frames, &common.timeline, &mut self.packed, watch)?;
         let windowed = item.crop.is_some();
         spikes::unpack(geometry, &self.packed, item.out)?;
         if windowed {
@@ -254,7 +276,7 @@ impl Worker {
 }
 
 /// A sequence of clips as light.
-fn lights<'py>(clips: &Bound<'py, PyAny>) -> PyResult<Vec<Light<'py>>> {
+fn lights<'py>(clips: &Bound<'py, PyAny>, copies: Copies) -> PyResult<Vec<Light<'py>>> {
     let expected = "an array (B, N, H, W), or a sequence of arrays (N, H, W)";
     let remedy = "give clips[None] for a single clip";
     let mut all = Vec::new();
@@ -264,7 +286,7 @@ fn lights<'py>(clips: &Bound<'py, PyAny>) -> PyResult<Vec<Light<'py>>> {
         if axes != 3 {
             return Err(usage(format_args!("clips[{i}]"), format_args!("{axes} axes"), expected, remedy));
         }
-        all.push(Light::of(&clip, &format!("clips[{i}]"))?);
+        all.push(Light::of(&clip, &format!("clips[{i}]"), copies)?);
     }
     if all.is_empty() {
         return Err(usage("clips", "no clip", expected, "give at least one"));
@@ -337,7 +359,7 @@ pub fn light_at<'py>(
     insertion: &str,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
     let timeline = timeline(readouts_per_frame, insertion)?;
-    let light = Light::of(frames, "frames")?;
+    let light = Light::of(frames, "frames", Copies::All)?;
     let (height, width) = light.size();
     let geometry = geometry(height, width)?;
     let lasts = timeline.readouts(light.count() as u64).unwrap_or(u64::MAX);
@@ -350,8 +372,7 @@ pub fn light_at<'py>(
             remedy,
         ));
     }
-    let rows = light.rows();
-    let frames = rows.frames(geometry);
+    let frames = light.frames(geometry)?;
     let all = py.detach(|| -> spikelane::Result<Vec<f32>> {
         let mut all = Vec::with_capacity(at.len() * geometry.pixels());
         for &t in &at {

@@ -1,6 +1,5 @@
 //! Measurement, calibration and diagnosis: the reports' content as JSON, which the package makes dataclasses of.
 
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
 
 use numpy::PyUntypedArrayMethods as _;
@@ -20,32 +19,7 @@ use crate::arrays::{bytes, geometry};
 use crate::camera::Camera;
 use crate::error::usage;
 use crate::stream::Stream;
-use crate::watch::Watch;
-
-/// What unwinds out of work that can only be stopped where it reports.
-struct Stopped;
-
-/// Does `work`, which reports by a function that cannot refuse, and leaves it there on Ctrl-C.
-fn stoppable<T: Send>(
-    py: Python<'_>,
-    mut watch: Watch,
-    work: impl FnOnce(&mut dyn FnMut(f64)) -> spikelane::Result<T> + Send,
-) -> PyResult<T> {
-    let result = py.detach(|| {
-        let mut tell = |share: f64| {
-            // Shares below one only: the end is told when it is there.
-            if watch.step(share.min(0.999_999), 1.0).is_err() {
-                resume_unwind(Box::new(Stopped));
-            }
-        };
-        match catch_unwind(AssertUnwindSafe(|| work(&mut tell))) {
-            Ok(result) => result.and_then(|value| watch.now(1.0, 1.0).map(|()| value)),
-            Err(reason) if reason.is::<Stopped>() => Err(Error::new(Kind::Interrupted, "stopped on request")),
-            Err(reason) => resume_unwind(reason),
-        }
-    });
-    watch.outcome(result)
-}
+use crate::watch::{Watch, stoppable};
 
 fn value<T: serde::Serialize>(of: &T) -> spikelane::Result<Value> {
     serde_json::to_value(of).map_err(|e| Error::new(Kind::Config, "report").found(e))

@@ -2,13 +2,13 @@
 
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyDict, PyList, PyTuple};
 use spikelane::scene::{Labels, Lighting, SamplesPerPixel, SceneOptions, Semantic};
 
 use crate::arrays::picture;
 use crate::error::{Raise as _, usage};
 use crate::simulator::check_threads;
-use crate::watch::Watch;
+use crate::watch::{Watch, stoppable};
 
 type Array<'py, T> = Bound<'py, PyArrayDyn<T>>;
 
@@ -17,8 +17,11 @@ type Array<'py, T> = Bound<'py, PyArrayDyn<T>>;
 /// `height` and `width` in pixels; `fov_deg` 5 to 150 degrees; `lighting` one of "noon", "low-sun", "overcast", "rain",
 /// "tunnel", "dusk", "night"; `duration_s` up to 120 s; `speed_kmh` 1 to 300; `vehicles` besides the camera's; lamps
 /// flicker with `flicker_hz`. What is left out follows from the seed.
-#[pyclass(frozen, module = "spikelane")]
-pub struct Scene(spikelane::scene::Scene);
+#[pyclass(frozen, module = "spikelane._native")]
+pub struct Scene {
+    scene: spikelane::scene::Scene,
+    options: SceneOptions,
+}
 
 #[pymethods]
 impl Scene {
@@ -53,31 +56,32 @@ impl Scene {
             .with_speed_kmh(speed_kmh)
             .with_vehicles(vehicles)
             .with_flicker_hz(flicker_hz);
-        py.detach(|| spikelane::scene::Scene::random(seed, &options)).or_raise().map(Self)
+        let scene = py.detach(|| spikelane::scene::Scene::random(seed, &options)).or_raise()?;
+        Ok(Self { scene, options })
     }
 
     /// The seed.
     #[getter]
     fn seed(&self) -> u64 {
-        self.0.seed()
+        self.scene.seed()
     }
 
     /// The light, asked for or drawn.
     #[getter]
     fn lighting(&self) -> &'static str {
-        self.0.lighting().name()
+        self.scene.lighting().name()
     }
 
     /// Instants from 0 to this many seconds exist.
     #[getter]
     fn duration_s(&self) -> f64 {
-        self.0.duration_s()
+        self.scene.duration_s()
     }
 
     /// Vehicles besides the camera's; instance numbers run from 1 to this.
     #[getter]
     fn vehicles(&self) -> u32 {
-        self.0.vehicles()
+        self.scene.vehicles()
     }
 
     /// Light and labels at `t` seconds, as a dict; `spikelane.Scene.render` makes a Rendered of it.
@@ -95,9 +99,12 @@ impl Scene {
             16 => SamplesPerPixel::Sixteen,
             other => return Err(usage("samples", other, "4 or 16 colour samples a pixel", "give 4")),
         };
-        let mut drawn = py.detach(|| self.0.render(t, samples, threads)).or_raise()?;
-        let boxes = py.detach(|| self.0.boxes(&drawn.labels)).or_raise()?;
-        let white = self.0.white_cd_m2();
+        let (mut drawn, boxes) = stoppable(py, Watch::new(py, None, "")?, |_| {
+            let drawn = self.scene.render(t, samples, threads)?;
+            let boxes = self.scene.boxes(&drawn.labels)?;
+            Ok((drawn, boxes))
+        })?;
+        let white = self.scene.white_cd_m2();
         drawn.light.iter_mut().for_each(|l| *l /= white);
         let shape = [drawn.labels.height, drawn.labels.width];
         let rgb: Vec<f32> = drawn.rgb.iter().flatten().copied().collect();
@@ -139,11 +146,10 @@ impl Scene {
         threads: usize,
     ) -> PyResult<(Array<'py, f32>, Array<'py, bool>)> {
         check_threads(threads)?;
-        let flow = py.detach(|| -> spikelane::Result<_> {
-            let labels = |t| -> spikelane::Result<Labels> { self.0.labels(t, threads) };
-            self.0.flow(&labels(t)?, &labels(to)?, threads)
-        });
-        let flow = flow.or_raise()?;
+        let flow = stoppable(py, Watch::new(py, None, "")?, |_| {
+            let labels = |t| -> spikelane::Result<Labels> { self.scene.labels(t, threads) };
+            self.scene.flow(&labels(t)?, &labels(to)?, threads)
+        })?;
         let both: Vec<f32> = flow.dx.into_iter().chain(flow.dy).collect();
         let shape = [flow.height, flow.width];
         Ok((picture(py, both, &[2, shape[0], shape[1]])?, picture(py, flow.occluded, &shape)?))
@@ -174,19 +180,18 @@ impl Scene {
             ));
         }
         let samples = if samples == 16 { SamplesPerPixel::Sixteen } else { SamplesPerPixel::Four };
-        let mut watch = Watch::new(py, progress, "frames")?;
-        let white = self.0.white_cd_m2();
-        let (mut light, mut size) = (Vec::new(), (0, 0));
-        let result = py.detach(|| -> spikelane::Result<()> {
+        let watch = Watch::new(py, progress, "frames")?;
+        let white = self.scene.white_cd_m2();
+        let (light, size) = stoppable(py, watch, |tell| {
+            let (mut light, mut size) = (Vec::new(), (0, 0));
             for i in 0..frames {
-                let drawn = self.0.render(t + i as f64 / hz, samples, threads)?;
+                let drawn = self.scene.render(t + i as f64 / hz, samples, threads)?;
                 size = (drawn.labels.height, drawn.labels.width);
                 light.extend(drawn.light.iter().map(|l| l / white));
-                watch.step(i as f64 + 1.0, frames as f64)?;
+                tell((i as f64 + 1.0) / frames as f64);
             }
-            Ok(())
-        });
-        watch.outcome(result)?;
+            Ok((light, size))
+        })?;
         picture(py, light, &[frames, size.0, size.1])
     }
 
@@ -198,12 +203,24 @@ impl Scene {
         Ok(names)
     }
 
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let o = &self.options;
+        let named = PyDict::new(py);
+        named.set_item("fov_deg", o.fov_deg)?;
+        named.set_item("lighting", o.lighting.map(Lighting::name))?;
+        named.set_item("duration_s", o.duration_s)?;
+        named.set_item("speed_kmh", o.speed_kmh)?;
+        named.set_item("vehicles", o.vehicles)?;
+        named.set_item("flicker_hz", o.flicker_hz)?;
+        Ok(((self.scene.seed(), o.height, o.width).into_pyobject(py)?, named))
+    }
+
     fn __repr__(&self) -> String {
         format!(
             "<spikelane.Scene {}, {}, {} s>",
-            self.0.seed(),
-            self.0.lighting().name(),
-            self.0.duration_s()
+            self.scene.seed(),
+            self.scene.lighting().name(),
+            self.scene.duration_s()
         )
     }
 }

@@ -4,12 +4,11 @@ use std::sync::{Mutex, MutexGuard};
 
 use numpy::{PyArrayDyn, PyArrayMethods as _};
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::{IntoPyDict as _, PyBytes, PyDict};
 use spikelane::light::{Insertion, Timeline};
-use spikelane::simulate::Pool;
 use spikelane::{Backend, Seeds, spikes};
 
-use crate::arrays::{Light, buffer, zeros};
+use crate::arrays::{Copies, Light, buffer, zeros};
 use crate::camera::Camera;
 use crate::error::{Raise as _, raise, usage};
 use crate::watch::Watch;
@@ -24,19 +23,19 @@ const PIECE: usize = 256 << 10;
 /// ("reference", "portable", "sse4.1", "avx2", "avx512"); neither changes a bit. Light beyond `greatest_light` full scales, which only
 /// float32 holds, is cut.
 ///
-/// One thread at a time may push; others work meanwhile, since the interpreter's lock is released. A child process after
-/// a fork may go on with its copy.
+/// One thread at a time may push; others work meanwhile, since the interpreter's lock is released. A child process of a
+/// fork may go on with its copy, and a pickled simulator goes on where it was.
 #[pyclass(frozen, module = "spikelane")]
 pub struct Simulator {
     camera: Camera,
+    threads: usize,
+    backend: Option<String>,
+    greatest_light: f64,
     inner: Mutex<Inner>,
 }
 
 struct Inner {
     simulator: spikelane::Simulator,
-    threads: usize,
-    /// The process whose threads these are.
-    process: u32,
     scratch: Vec<u8>,
 }
 
@@ -57,22 +56,23 @@ impl Simulator {
     ) -> PyResult<Self> {
         check_threads(threads)?;
         let seeds = Seeds { camera: camera_seed, shot: seed, sequence };
-        let backend = backend.map(Backend::parse).transpose().or_raise()?;
+        let named = backend.map(Backend::parse).transpose().or_raise()?;
         let simulator = py.detach(|| {
             let plan = camera.plan(camera_seed, greatest_light)?.with_seeds(seeds)?;
             let simulator = spikelane::Simulator::of_plan(plan).with_threads(threads)?;
-            match backend {
+            match named {
                 Some(backend) => simulator.with_backend(backend),
                 None => Ok(simulator),
             }
         });
-        let inner = Inner {
-            simulator: simulator.or_raise()?,
+        let inner = Inner { simulator: simulator.or_raise()?, scratch: Vec::new() };
+        Ok(Self {
+            camera: camera.clone(),
             threads,
-            process: std::process::id(),
-            scratch: Vec::new(),
-        };
-        Ok(Self { camera: camera.clone(), inner: Mutex::new(inner) })
+            backend: backend.map(str::to_owned),
+            greatest_light,
+            inner: Mutex::new(inner),
+        })
     }
 
     /// Pushes linear light and returns the spikes, bit-packed: uint8 of shape (T, ceil(H * W / 8)).
@@ -86,12 +86,14 @@ impl Simulator {
     /// given: uint8, C-contiguous, of that shape. `progress(done, total)` hears about readouts; True
     /// shows a bar where tqdm is installed.
     ///
-    /// Frames in one block are read in place; views with gaps are copied. Ctrl-C ends the call between two
+    /// The frames are copied first, so that other threads may change them meanwhile; with copy=False, frames in one block are
+    /// read in place, and no thread may write into them during the call. Nor into `out`. Ctrl-C ends the call between two
     /// readouts, and those done stay done.
     ///
     /// Raises SpikelaneError for wrong sizes or light, SpikelaneTypeError (a TypeError) for other dtypes; nothing has
     /// changed then.
-    #[pyo3(signature = (frames, readouts_per_frame=1, *, insertion="linear", readouts=None, out=None, progress=None))]
+    #[pyo3(signature = (frames, readouts_per_frame=1, *, insertion="linear", readouts=None, out=None, progress=None,
+        copy=true))]
     fn push<'py>(
         &self,
         py: Python<'py>,
@@ -101,17 +103,17 @@ impl Simulator {
         readouts: Option<usize>,
         out: Option<&Bound<'py, PyAny>>,
         progress: Option<Py<PyAny>>,
+        copy: bool,
     ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
-        let (light, timeline) = self.light(frames, readouts_per_frame, insertion)?;
+        let (light, timeline) = self.light(frames, readouts_per_frame, insertion, copy)?;
         let (mut inner, frame) = (self.lock()?, self.camera.camera().sensor.geometry.frame_bytes());
         let out = output(py, out, &light, &timeline, readouts, &[frame])?;
         let mut target = out.clone().try_readwrite().map_err(|e| busy(&e))?;
         let bytes = target.as_slice_mut().map_err(|e| busy(&e))?;
         let total = bytes.len() / frame.max(1);
         let mut watch = Watch::new(py, progress, "readouts")?;
-        let rows = light.rows();
         let (geometry, inner) = (inner.simulator.plan().geometry(), &mut *inner);
-        let frames = rows.frames(geometry);
+        let frames = light.frames(geometry)?;
         let result = quick(py, total * geometry.pixels(), || {
             inner.simulator.push_frames_watched(&frames, &timeline, bytes, &mut |done| {
                 watch.step(done as f64, total as f64)
@@ -123,7 +125,8 @@ impl Simulator {
     }
 
     /// As `push`, but a byte of 0 or 1 for every pixel: uint8 of shape (T, H, W).
-    #[pyo3(signature = (frames, readouts_per_frame=1, *, insertion="linear", readouts=None, out=None, progress=None))]
+    #[pyo3(signature = (frames, readouts_per_frame=1, *, insertion="linear", readouts=None, out=None, progress=None,
+        copy=true))]
     fn push_bits<'py>(
         &self,
         py: Python<'py>,
@@ -133,8 +136,9 @@ impl Simulator {
         readouts: Option<usize>,
         out: Option<&Bound<'py, PyAny>>,
         progress: Option<Py<PyAny>>,
+        copy: bool,
     ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
-        let (light, timeline) = self.light(frames, readouts_per_frame, insertion)?;
+        let (light, timeline) = self.light(frames, readouts_per_frame, insertion, copy)?;
         let mut inner = self.lock()?;
         let geometry = self.camera.camera().sensor.geometry;
         let out = output(py, out, &light, &timeline, readouts, &[geometry.height(), geometry.width()])?;
@@ -142,8 +146,7 @@ impl Simulator {
         let bits = target.as_slice_mut().map_err(|e| busy(&e))?;
         let total = bits.len() / geometry.pixels();
         let mut watch = Watch::new(py, progress, "readouts")?;
-        let rows = light.rows();
-        let frames = rows.frames(geometry);
+        let frames = light.frames(geometry)?;
         let inner = &mut *inner;
         let result = quick(py, bits.len(), || {
             inner.scratch.resize(total * geometry.frame_bytes(), 0);
@@ -223,6 +226,24 @@ impl Simulator {
         inner.simulator.restart(seeds).or_raise()
     }
 
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((Camera,), Bound<'py, PyDict>)> {
+        let (camera_seed, seed, sequence) = self.seeds()?;
+        let named =
+            [("seed", seed), ("sequence", sequence), ("camera_seed", camera_seed)].into_py_dict(py)?;
+        named.set_item("threads", self.threads)?;
+        named.set_item("backend", &self.backend)?;
+        named.set_item("greatest_light", self.greatest_light)?;
+        Ok(((self.camera.clone(),), named))
+    }
+
+    fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        self.state(py)
+    }
+
+    fn __setstate__(&self, state: &[u8]) -> PyResult<()> {
+        self.restore(state)
+    }
+
     fn __repr__(&self) -> String {
         let (height, width) = self.shape();
         format!("<spikelane.Simulator of {:?}, {height} x {width} pixels>", self.camera.camera().name)
@@ -235,31 +256,25 @@ impl Simulator {
         frames: &Bound<'py, PyAny>,
         readouts_per_frame: u64,
         insertion: &str,
+        copy: bool,
     ) -> PyResult<(Light<'py>, Timeline)> {
         let timeline = timeline(readouts_per_frame, insertion)?;
-        let light = Light::of(frames, "frames")?;
+        let copies = if copy { Copies::All } else { Copies::Needed };
+        let light = Light::of(frames, "frames", copies)?;
         light.check_size(self.camera.camera().sensor.geometry, "frames")?;
         Ok((light, timeline))
     }
 
-    /// The simulator, if no other thread is at it; in a forked process with threads of its own.
+    /// The simulator, if no other thread is at it.
     fn lock(&self) -> PyResult<MutexGuard<'_, Inner>> {
-        let mut inner = self.inner.try_lock().map_err(|_| {
+        self.inner.try_lock().map_err(|_| {
             usage(
                 "simulator",
                 "a call of another thread at work, or one that was when this process was forked",
                 "one call at a time",
                 "make a simulator for each thread and process",
             )
-        })?;
-        if inner.threads > 1 && inner.process != std::process::id() {
-            let pool = Pool::new(inner.threads).or_raise()?;
-            let simulator = inner.simulator.clone().with_pool(&pool);
-            // The parent's threads are not here to be ended.
-            std::mem::forget(std::mem::replace(&mut inner.simulator, simulator));
-            inner.process = std::process::id();
-        }
-        Ok(inner)
+        })
     }
 }
 

@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use spikelane::spikes::Packed;
 use spikelane::{Geometry, reconstruct};
 
-use crate::arrays::{buffer, bytes, geometry, picture, zeros};
+use crate::arrays::{buffer, bytes, copied, geometry, picture, zeros};
 use crate::error::{Raise as _, usage};
 
 /// The readouts of packed bytes of shape (..., frame bytes), checked.
@@ -47,6 +47,7 @@ pub fn unpack<'py>(
     };
     let mut target =
         out.clone().try_readwrite().map_err(|e| usage("out", e, "another array than packed", "give none"))?;
+    let packed = copied(&packed)?;
     let (from, to) = (packed.as_slice()?, target.as_slice_mut()?);
     py.detach(|| spikelane::spikes::unpack(geometry, from, to)).or_raise()?;
     drop(target);
@@ -75,7 +76,8 @@ pub fn pack<'py>(py: Python<'py>, bits: &Bound<'py, PyAny>) -> PyResult<Bound<'p
     let out = zeros(py, &shape)?;
     let mut target = out.clone().try_readwrite()?;
     let (from, to) = (bits.as_slice()?, target.as_slice_mut()?);
-    py.detach(|| spikelane::spikes::pack(geometry, from, to)).or_raise()?;
+    // Under the interpreter's lock: a copy would take as long.
+    spikelane::spikes::pack(geometry, from, to).or_raise()?;
     drop(target);
     Ok(out)
 }
@@ -84,7 +86,7 @@ fn rates<'py>(
     py: Python<'py>,
     packed: &Bound<'py, PyAny>,
     (height, width): (usize, usize),
-    of: impl FnOnce(Packed<'_>) -> spikelane::Result<Vec<f32>> + Send,
+    of: impl FnOnce(Packed<'_>) -> spikelane::Result<Vec<f32>>,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
     let geometry = geometry(height, width)?;
     let packed = bytes(packed, "packed")?;
@@ -94,7 +96,8 @@ fn rates<'py>(
     }
     frames(packed.shape(), geometry)?;
     let slice = packed.as_slice()?;
-    let values = py.detach(|| Packed::new(geometry, slice).and_then(of)).or_raise()?;
+    // Under the interpreter's lock: one picture takes less than a copy of the stream.
+    let values = Packed::new(geometry, slice).and_then(of).or_raise()?;
     picture(py, values, &[height, width])
 }
 

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use numpy::{PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
-use pyo3::types::PySlice;
+use pyo3::types::{PyDict, PySlice};
 use spikelane::formats::{Layout, Reader, StreamWriter};
 use spikelane::simulate::{Sidecar, StreamFacts, Written};
 use spikelane::{Geometry, spikes};
@@ -22,6 +22,8 @@ use crate::watch::Watch;
 pub struct Stream {
     reader: Mutex<Option<Arc<Reader>>>,
     path: PathBuf,
+    /// Layout, height and width as they were given.
+    given: (Option<String>, Option<usize>, Option<usize>),
 }
 
 impl Stream {
@@ -140,6 +142,20 @@ impl Stream {
         self.close();
     }
 
+    /// Opens the file again in the other process.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (PathBuf,))> {
+        self.reader()?;
+        let path = std::path::absolute(&self.path).map_err(|e| spikelane::Error::io(self.path.display(), e));
+        let (layout, height, width) = &self.given;
+        let named = PyDict::new(py);
+        named.set_item("layout", layout)?;
+        named.set_item("height", height)?;
+        named.set_item("width", width)?;
+        let open = py.import("spikelane")?.getattr("open_stream")?;
+        let open = py.import("functools")?.getattr("partial")?.call((open,), Some(&named))?;
+        Ok((open, (path.or_raise()?,)))
+    }
+
     fn __repr__(&self) -> String {
         match self.shape() {
             Ok((t, h, w)) => format!("<spikelane.Stream {:?}, {t} readouts of {h} x {w} pixels>", self.path),
@@ -171,7 +187,8 @@ pub fn open_stream(
 ) -> PyResult<Stream> {
     let layout = layout.map(Layout::parse).transpose().or_raise()?;
     let reader = Reader::open(&path, layout, shape_of(height, width)?).or_raise()?;
-    Ok(Stream { reader: Mutex::new(Some(Arc::new(reader))), path })
+    let given = (layout.map(|l| l.name().to_owned()), height, width);
+    Ok(Stream { reader: Mutex::new(Some(Arc::new(reader))), path, given })
 }
 
 /// Writes a stream whole or not at all, and a sidecar (STEM.json) that tells its size; returns the digest of the file,
@@ -232,7 +249,9 @@ pub fn write_stream(
         let mut writer = StreamWriter::create(&path, layout, geometry, readouts, force)?;
         let piece = ((4 << 20) / geometry.frame_bytes()).max(1) * geometry.frame_bytes();
         for packed in from.chunks(piece) {
-            writer.write_frames(writer.written(), packed)?;
+            // Under the interpreter's lock, without which another thread could change them meanwhile.
+            let packed = Python::attach(|_| packed.to_vec());
+            writer.write_frames(writer.written(), &packed)?;
             watch.step(writer.written() as f64, readouts as f64)?;
         }
         let done = writer.finish()?;

@@ -1,5 +1,6 @@
 //! Ctrl-C and progress during work without the interpreter.
 
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
@@ -69,6 +70,15 @@ impl Watch {
         })
     }
 
+    /// Looks at signals, if it is time; whether the work is to end.
+    pub fn is_stopped(&mut self) -> bool {
+        if self.raised.is_none() && self.looked.elapsed() >= PERIOD {
+            self.raised = Python::attach(|py| py.check_signals()).err();
+            self.looked = Instant::now();
+        }
+        self.raised.is_some()
+    }
+
     /// The exception that ended the work, where that was not the library's own error.
     pub fn outcome<T>(self, result: spikelane::Result<T>) -> PyResult<T> {
         match (result, self.raised) {
@@ -77,4 +87,33 @@ impl Watch {
             (Err(error), None) => Err(crate::error::raise(&error)),
         }
     }
+}
+
+/// Does `work` without the interpreter's lock. Ctrl-C, and an exception of the progress function, end it wherever the library
+/// checks for a stop. `work` reports the share that is done.
+pub fn stoppable<T: Send>(
+    py: Python<'_>,
+    watch: Watch,
+    work: impl FnOnce(&mut dyn FnMut(f64)) -> spikelane::Result<T> + Send,
+) -> PyResult<T> {
+    let watch = Arc::new(Mutex::new(watch));
+    let looking = Arc::clone(&watch);
+    // The progress function runs under the lock, and may call what checks for a stop.
+    let asked = move || looking.try_lock().is_ok_and(|mut watch| watch.is_stopped());
+    let result = py.detach(|| {
+        // Shares below one only: the end is told when it is there.
+        let mut tell = |share: f64| drop(lock(&watch).step(share.min(0.999_999), 1.0));
+        let value = spikelane::threads::until(asked, || work(&mut tell))?;
+        lock(&watch).now(1.0, 1.0).map(|()| value)
+    });
+    let raised = lock(&watch).raised.take();
+    match (result, raised) {
+        (Ok(value), _) => Ok(value),
+        (Err(_), Some(raised)) => Err(raised),
+        (Err(error), None) => Err(crate::error::raise(&error)),
+    }
+}
+
+fn lock(watch: &Mutex<Watch>) -> MutexGuard<'_, Watch> {
+    watch.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -8,8 +8,6 @@
 //! 5. Moments of the population; threshold noise and quanta from interval variance.
 //! 6. Posterior means of the threshold, which no pixel tells by itself.
 
-use rayon::prelude::*;
-
 use super::identify::identify;
 use super::state::{Fitter, Point};
 use crate::calibrate::formulas::fit::{PixelFit, fit_line, least_absolute};
@@ -18,6 +16,7 @@ use crate::calibrate::result::{CalibrateOptions, Calibration, Redrawn};
 use crate::calibrate::sets::observed::Observed;
 use crate::error::{Error, Kind, Result};
 use crate::measure::{finite, median_and_spread};
+use crate::threads;
 
 /// Levels found bend against the stated ones where their trend is more than so many of its errors: one set in twenty of lamps as good as
 /// stated. What is not told would move the gain of levels spread over the range by 1.8 times as many of its own errors.
@@ -58,7 +57,7 @@ impl Fitter<'_> {
     /// Fits levels and pixels; with `test`, how much of the rate bias is there as well.
     fn fit(&mut self, test: bool) {
         self.settle(test);
-        self.fits = (0..self.fits.len()).into_par_iter().map(|p| self.pixel(p)).collect();
+        self.fits = threads::map(0..self.fits.len(), |p| self.pixel(p));
     }
 
     /// The weighted line of a pixel under the levels as they are now.
@@ -118,7 +117,9 @@ impl Fitter<'_> {
         let own = |sd: f64, mean: f64| (sd * sd - square * mean * mean).max(1e-12 * mean * mean);
         let gain = own(population.sd_a.value, population.mean_a.value);
         let dark = own(population.sd_d.value, population.mean_d.value);
-        let of_pixel = |(fit, usual): (&PixelFit, &bool)| {
+        let usual = self.usual();
+        let of_pixel = |p: usize| {
+            let (fit, usual) = (&self.fits[p], &usual[p]);
             if !fit.a.is_finite() {
                 return [1.0, sigma.value];
             }
@@ -130,8 +131,7 @@ impl Fitter<'_> {
             let [mode, sd] = [mean + 2.0 / (precision * mean), precision.sqrt().recip()];
             if mode.is_finite() && mode > 0.0 && sd.is_finite() { [mode, sd] } else { [1.0, sigma.value] }
         };
-        let usual = self.usual();
-        self.threshold = self.fits.par_iter().zip(&usual).map(of_pixel).collect();
+        self.threshold = threads::map(0..self.fits.len(), of_pixel);
     }
 
     /// Pixels whose dark rate lies six robust deviations above the median.

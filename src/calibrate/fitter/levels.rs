@@ -3,8 +3,6 @@
 //! They are found together with every pixel's line, and before any pixel is judged: while a level is wrong, no pixel's rates lie on a
 //! line, so a pixel is left out only where it fits much worse than the others do.
 
-use rayon::prelude::*;
-
 use super::doubt::Stated;
 use super::lamps::{Alignment, align};
 use super::state::{Fitter, Point};
@@ -13,6 +11,7 @@ use crate::calibrate::formulas::solve::solve;
 use crate::calibrate::result::Redrawn;
 use crate::error::{Error, Kind, Result};
 use crate::measure::{Estimate, median};
+use crate::threads;
 
 /// Pixels whose equations one thread adds up.
 const PART: usize = 512;
@@ -82,7 +81,7 @@ impl Fitter<'_> {
     /// Lines and levels in turn, until the levels stay; with `test`, how much of the rate bias is there as well.
     pub(super) fn settle(&mut self, test: bool) {
         for _ in 0..ROUNDS {
-            self.fits = (0..self.fits.len()).into_par_iter().map(|p| self.line(p)).collect();
+            self.fits = threads::map(0..self.fits.len(), |p| self.line(p));
             self.misfit_scale = self.typical_misfit();
             if self.fit_levels(test) < SETTLED {
                 break;
@@ -108,7 +107,7 @@ impl Fitter<'_> {
             (part * PART..end).for_each(|p| self.add_pixel(p, test, k, &mut sums));
             sums
         };
-        let parts: Vec<_> = (0..self.fits.len().div_ceil(PART)).into_par_iter().map(of_part).collect();
+        let parts: Vec<_> = threads::map(0..self.fits.len().div_ceil(PART), of_part);
         let (mut h, mut g) = (vec![0.0; k * k], vec![0.0; k]);
         for part in &parts {
             h.iter_mut().zip(&part.0).for_each(|(x, y)| *x += y);

@@ -1,13 +1,13 @@
 //! Threshold noise and quanta, from how the variance of spike times grows.
 
-use rayon::prelude::*;
-
 use super::state::Fitter;
 use crate::calibrate::formulas::phase::{draw_ratio, growth_ratio};
+use crate::calibrate::formulas::selection;
 use crate::calibrate::result::Redrawn;
 use crate::calibrate::sets::observed::Level;
 use crate::measure::{Estimate, median, median_and_spread};
 use crate::sensor::Sensor;
+use crate::threads;
 
 /// What the interval variance of a level says.
 struct Growth {
@@ -23,6 +23,7 @@ impl Fitter<'_> {
     /// Threshold noise and quanta from interval variance: dark levels have no light's
     /// quanta, dim ones have both.
     pub(super) fn measure_noise(&mut self) {
+        selection::prepare();
         // A hot pixel has the most intervals of all in the dark, and noise of its own.
         let usual = self.usual();
         let (mut dark, mut lit) = (None, Vec::new());
@@ -57,7 +58,7 @@ impl Fitter<'_> {
             }
             _ => self.assume_noise(&lit, nominal),
         }
-        self.remembered = self.observed.levels.par_iter().map(|level| self.remembered_draws(level)).collect();
+        self.remembered = threads::map(&self.observed.levels, |level| self.remembered_draws(level));
     }
 
     /// What remembered phases make of the rate that low draws add, at a level's median rate. It is the mean over all periods, so
@@ -146,7 +147,7 @@ impl Fitter<'_> {
                 [weight(*p) * map[*p] * charge, weight(*p) * unit]
             };
             // Added in the pixels' order: a sum must not depend on which thread took what.
-            let each: Vec<[f64; 2]> = good.par_iter().map(of_pixel).collect();
+            let each: Vec<[f64; 2]> = threads::map(&good, of_pixel);
             [mean, unit] = [0, 1].map(|i| each.iter().map(|both| both[i]).sum::<f64>() / total);
             if level.light == 0.0 {
                 square = (mean / unit).max(1e-16);

@@ -9,29 +9,43 @@
 //! `psi(g) = integral phi(y) prod_(i>=1) Phi(y + i g) dy`, and from `h = z^2` the
 //! variance that one spike adds to the phase is `sigma^2 nu(g)`.
 
-use std::sync::LazyLock;
+use std::sync::OnceLock;
+
+use crate::threads;
 
 /// Grid of the tables: `ln g` from `ln 1e-3` to `ln 100`.
 const POINTS: usize = 512;
 const LOWEST: f64 = 1e-3;
 const HIGHEST: f64 = 100.0;
 
-static TABLES: LazyLock<(Vec<f64>, Vec<f64>)> = LazyLock::new(|| {
+static TABLES: OnceLock<(Vec<f64>, Vec<f64>)> = OnceLock::new();
+
+/// Makes the tables of [`psi`] and [`nu`], if they are not made yet. Parallel work that uses them calls it first, so that its
+/// threads do not wait for one.
+pub(crate) fn prepare() {
+    tables();
+}
+
+fn tables() -> &'static (Vec<f64>, Vec<f64>) {
+    if let Some(tables) = TABLES.get() {
+        return tables;
+    }
+    // Outside the lock: parallel work that waited for the lock would wait for itself.
     let step = (HIGHEST / LOWEST).ln() / (POINTS - 1) as f64;
-    let at = |i: usize| integrals(LOWEST * (step * i as f64).exp());
-    (0..POINTS).map(at).unzip()
-});
+    let each = threads::map(0..POINTS, |i| integrals(LOWEST * (step * i as f64).exp()));
+    TABLES.get_or_init(|| each.into_iter().unzip())
+}
 
 /// The rate that threshold noise adds, over its variance: 0 for slow pixels, 1 for fast ones.
 #[must_use]
 pub fn psi(g: f64) -> f64 {
-    lookup(&TABLES.0, g)
+    lookup(&tables().0, g)
 }
 
 /// Variance of the draws at which a pixel fires, over that of all draws.
 #[must_use]
 pub fn nu(g: f64) -> f64 {
-    lookup(&TABLES.1, g)
+    lookup(&tables().1, g)
 }
 
 fn lookup(table: &[f64], g: f64) -> f64 {

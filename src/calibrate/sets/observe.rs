@@ -3,8 +3,6 @@
 use std::io::BufReader;
 use std::path::Path;
 
-use rayon::prelude::*;
-
 use super::check;
 use super::observed::{IntervalNoise, Level, Observed};
 use super::recordings::{Light, RateMap, RecordingSet};
@@ -14,6 +12,7 @@ use crate::inputs::InputFile;
 use crate::measure::{MeasureOptions, NEVER, Statistics, finite, median, median_and_spread, of_stream};
 use crate::npy;
 use crate::spikes::Geometry;
+use crate::threads;
 
 /// Levels up to this light have their intervals measured: beyond, a spike's phase noise
 /// drowns in quantisation, and intervals cost most.
@@ -28,7 +27,7 @@ pub type Progress<'a> = &'a mut dyn FnMut(&str, f64);
 /// Reads every recording of uniform light, and checks the set.
 ///
 /// Memory: about 40 bytes per pixel and level, 400 bytes per pixel besides, whatever the
-/// length of the recordings. Work is shared over rayon's threads by bands of rows.
+/// length of the recordings. Bands of rows are measured in parallel.
 ///
 /// # Errors
 /// When a file cannot be read, a recording moves, the levels contradict each other or are
@@ -103,7 +102,7 @@ fn level(name: &str, light: f64, statistics: &Statistics) -> Level {
     level.noise = statistics.intervals.as_ref().map(|intervals| {
         let shortest = shortest_lag(&level);
         let of_pixel = |p: usize| intervals.growth(p, shortest) * level.rate[p] * level.rate[p];
-        let map = (0..intervals.len()).into_par_iter().map(of_pixel).collect();
+        let map = threads::map(0..intervals.len(), of_pixel);
         IntervalNoise { map, lags: fitted_lags(&level, shortest) }
     });
     level

@@ -11,6 +11,7 @@ use crate::formats::{Layout, StreamWriter};
 use crate::plan::Plan;
 use crate::simulate::{CameraFacts, FrameRef, LightFacts, Sidecar, Simulator, StreamFacts, Written};
 use crate::spikes;
+use crate::threads;
 
 /// Frames simulated at a time.
 const BATCH: usize = 496;
@@ -128,7 +129,7 @@ impl Protocol {
             }
         };
         let plan = Plan::with_light(camera, seeds, greatest.max(1.0))?;
-        let mut simulator = Simulator::of_plan(plan).with_threads(rayon::current_num_threads())?;
+        let mut simulator = Simulator::of_plan(plan).with_threads(threads::count())?;
         let mut writer = StreamWriter::create(path, Layout::Dat, geometry, u64::from(self.readouts), force)?;
         let hold = match light {
             Light::Scene(Pattern::Square { half_period, .. }) => u64::from(half_period),

@@ -36,7 +36,7 @@ impl Closing<'_> {
             out.say(line("clean  ", written, facts.mean_rate));
         }
         out.say(format_args!("sidecar  {}\npicture  {}", names.sidecar.display(), names.picture.display()));
-        out.say(self.speed());
+        out.say(self.achieved());
         out.detail(self.telemetry());
         self.notes(out);
         out.event(&self.event())
@@ -51,19 +51,16 @@ impl Closing<'_> {
         self.outcome.readouts as f64 / self.job.camera.sensor.readout_hz
     }
 
-    /// How long it is, and its pace beside the camera's: of the whole run, and of the kernels alone.
-    fn speed(&self) -> String {
+    /// What was made, and how long that took.
+    fn achieved(&self) -> String {
         let sensor = &self.job.camera.sensor;
-        let kernel = self.outcome.kernel.as_secs_f64();
         format!(
-            "{} readouts of {}, {:.4} s at {} Hz, in {:.2} s: the whole run {}, the kernel alone {}",
+            "{} readouts of {}: {} of camera time at {} Hz in {:.2} s",
             self.outcome.readouts,
             sensor.geometry,
-            self.lasts_s(),
+            duration(self.lasts_s()),
             sensor.readout_hz,
             self.seconds,
-            pace(self.lasts_s(), self.seconds),
-            pace(self.lasts_s(), kernel),
         )
     }
 
@@ -71,9 +68,12 @@ impl Closing<'_> {
         let (o, job) = (self.outcome, self.job);
         let kernel = o.kernel.as_secs_f64();
         format!(
-            "time     {:.2} s waiting for light, {kernel:.3} s in the kernels ({:.2} Gpixel-readouts/s: {}, {} {}, \
+            "pace     the whole run {}, the kernel alone {}\n\
+             time     {:.2} s waiting for light, {kernel:.3} s in the kernels ({:.2} Gpixel-readouts/s: {}, {} {}, \
              {} {}), {:.2} s to bring the files to the disk\n\
              light    {} frames, {} of them with light beyond {} full scales, which was cut",
+            pace(self.lasts_s(), self.seconds),
+            pace(self.lasts_s(), kernel),
             o.waited.as_secs_f64(),
             self.gigapixels(kernel),
             job.backend,
@@ -147,6 +147,15 @@ impl Closing<'_> {
     }
 }
 
+/// A time with three digits, in ms or s.
+fn duration(seconds: f64) -> String {
+    let (value, unit) = if seconds < 1.0 { (1000.0 * seconds, "ms") } else { (seconds, "s") };
+    let digits = 2 - (value.max(1.0).log10().floor() as usize).min(2);
+    let text = format!("{value:.digits$}");
+    let text = if digits > 0 { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    format!("{text} {unit}")
+}
+
 /// A pace in words: how often faster or slower than the camera.
 fn pace(lasts_s: f64, took_s: f64) -> String {
     let ratio = lasts_s / took_s.max(1e-9);
@@ -160,7 +169,13 @@ fn pace(lasts_s: f64, took_s: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::pace;
+    use super::{duration, pace};
+
+    #[test]
+    fn times_have_three_digits_at_most() {
+        assert_eq!([0.025, 0.0001, 0.1234, 1.0].map(duration), ["25 ms", "0.1 ms", "123 ms", "1 s"]);
+        assert_eq!([1.555, 60.0, 1234.0].map(duration), ["1.55 s", "60 s", "1234 s"]);
+    }
 
     #[test]
     fn slower_is_said_as_slower() {

@@ -140,7 +140,7 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
         )
     };
     let total = job.expected(light.source.frames()).or(job.readouts).filter(|&n| n != ENDLESS);
-    let mut source = Ahead::new(light.source, Arc::clone(&flag))?;
+    let mut source = Ahead::new(light.source, Arc::clone(&flag));
     let mut readouts = Readouts::new(&job, &mut source)?;
     let stop = Stop::of(Arc::clone(&flag));
     let Some(mut sink) = sink(args, &codec, &camera, &stop, out)? else { return Ok(()) };

@@ -148,7 +148,7 @@ fn simulate(args: &Args, job: &Run, light: Light, stop: Stop, names: &Names, out
     let front_end = light.source.front_end();
     let (layout, clean) = (job.layout, args.clean.then_some(names.clean.as_path()));
     let mut progress = Progress::new(out, stop.clone());
-    let mut source = Ahead::new(light.source, stop)?;
+    let mut source = Ahead::new(light.source, stop);
     let start = Instant::now();
     let mut watch = |done, total| progress.step(done, total);
     let mut images = images::Folder::begin(args.images, &names.images)?;

@@ -54,6 +54,19 @@ pub(crate) struct Args {
     force: bool,
 }
 
+impl Args {
+    /// What stays after a stop.
+    pub(crate) fn kept(&self) -> String {
+        match &self.cache {
+            Some(folder) => format!(
+                "no report was written; the simulations so far are in '{}': run the same command again to go on",
+                folder.display()
+            ),
+            None => "nothing was written; with --cache DIR the simulations so far are kept".to_owned(),
+        }
+    }
+}
+
 /// Runs the command.
 ///
 /// # Errors

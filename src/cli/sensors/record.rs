@@ -59,6 +59,16 @@ pub(crate) struct Args {
     force: bool,
 }
 
+impl Args {
+    /// What stays after a stop.
+    pub(crate) fn kept(&self) -> String {
+        format!(
+            "the unfinished recording is removed, complete ones stay in '{}'; run the command again with --force",
+            self.output.display()
+        )
+    }
+}
+
 /// Runs the command.
 ///
 /// # Errors

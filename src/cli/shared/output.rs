@@ -5,6 +5,7 @@ use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::sync::Mutex;
 
+use crate::error::printable;
 use crate::{Error, Result};
 use serde_json::{Value, json};
 
@@ -29,9 +30,9 @@ impl Out {
         if self.json { write_out(format!("{value}\n").as_bytes()) } else { Ok(()) }
     }
 
-    /// A result: the JSON line if asked for, else text to standard output.
+    /// A result: the JSON line if asked for, else text to standard output, with control characters escaped.
     pub(crate) fn result(&self, value: &Value, text: &str) -> Result<()> {
-        if self.json { self.event(value) } else { write_out(text.as_bytes()) }
+        if self.json { self.event(value) } else { write_out(printable(text).as_bytes()) }
     }
 
     /// A file's bytes as the result, whatever was asked for.
@@ -39,10 +40,10 @@ impl Out {
         write_out(bytes)
     }
 
-    /// Text for people, to standard error.
+    /// Text for people, to standard error, with control characters escaped.
     pub(crate) fn say(&self, text: impl std::fmt::Display) {
         // Nobody is left to hear that standard error is closed.
-        let _ = writeln!(std::io::stderr(), "{text}");
+        let _ = writeln!(std::io::stderr(), "{}", printable(&text.to_string()));
     }
 
     /// Text for people who asked for more (`-v`), to standard error.
@@ -56,7 +57,8 @@ impl Out {
         self.say(format_args!("spikelane: {error}"));
         let kind = error.kind().name();
         let code = error.kind().exit_code();
-        let event = json!({"event": "error", "kind": kind, "exit_code": code, "message": error.to_string()});
+        let event =
+            json!({"event": "error", "kind": kind, "exit_code": code, "message": error.raw_message()});
         let _ = self.event(&event);
     }
 }

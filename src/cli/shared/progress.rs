@@ -1,35 +1,76 @@
 //! How far a run is, and the request to stop it.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
+use crate::error::printable;
 use crate::report::with_known;
 use crate::{Error, Kind, Result};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 use serde_json::json;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::{SigId, flag};
 
 use super::output::Out;
 
-/// Between two JSON events.
+/// Between two JSON events, and the least time after which a rate is known.
 const PERIOD: Duration = Duration::from_millis(200);
 
 /// Raised when the user wants to stop.
 pub(crate) type Stop = Arc<AtomicBool>;
 
-/// A flag that Ctrl-C (or a polite kill) raises, so that unfinished files are removed in order.
+/// The signals that ask a program to end.
+const SIGNALS: &[i32] = &[
+    SIGINT,
+    SIGTERM,
+    #[cfg(unix)]
+    signal_hook::consts::SIGHUP,
+];
+
+/// The signal handlers of the running command.
+static HANDLERS: Mutex<Vec<SigId>> = Mutex::new(Vec::new());
+
+/// A flag that Ctrl-C, SIGTERM and SIGHUP raise, so that unfinished files are removed in order. A second Ctrl-C ends the
+/// process at once.
+///
+/// The handlers set the flag themselves. They need no thread, and a child process of `fork` has a flag of its own.
 pub(crate) fn stop_flag() -> Result<Stop> {
-    // One handler a process, and one flag, which a second command of a host lowers again.
     static STOP: OnceLock<Stop> = OnceLock::new();
-    if let Some(stop) = STOP.get() {
+    let stop = STOP.get_or_init(Arc::default);
+    let mut handlers = HANDLERS.lock().unwrap_or_else(PoisonError::into_inner);
+    if handlers.is_empty() {
         stop.store(false, Ordering::Relaxed);
-        return Ok(Arc::clone(stop));
+        let failed = |e| Error::new(Kind::Io, "signal handler").found(e);
+        let code = Kind::Interrupted.exit_code().into();
+        // The first signal finds the flag down: this handler runs before the one that raises it.
+        let at_once = flag::register_conditional_shutdown(SIGINT, code, Arc::clone(stop)).map_err(failed)?;
+        handlers.push(at_once);
+        for signal in SIGNALS {
+            handlers.push(flag::register(*signal, Arc::clone(stop)).map_err(failed)?);
+        }
     }
-    let stop = Arc::new(AtomicBool::new(false));
+    Ok(Arc::clone(stop))
+}
+
+/// Removes the signal handlers at the end of a command. The handlers of a host that runs commands go on; a signal for which it
+/// has none is ignored from then on, which no safe interface of the system undoes.
+pub(crate) fn release_signals() {
+    for handler in HANDLERS.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
+        signal_hook::low_level::unregister(handler);
+    }
+}
+
+/// Runs a command that Ctrl-C stops wherever it checks for a stop; `kept` tells what stays.
+pub(crate) fn stoppable(kept: impl std::fmt::Display, command: impl FnOnce() -> Result<()>) -> Result<()> {
+    let stop = stop_flag()?;
     let raised = Arc::clone(&stop);
-    ctrlc::set_handler(move || raised.store(true, Ordering::Relaxed))
-        .map_err(|e| Error::new(Kind::Io, "signal handler").found(e))?;
-    Ok(Arc::clone(STOP.get_or_init(|| stop)))
+    crate::threads::until(move || raised.load(Ordering::Relaxed), command).map_err(|error| {
+        match stop.load(Ordering::Relaxed) && error.kind() == Kind::Interrupted {
+            true => Error::new(Kind::Interrupted, "stopped on request").remedy(kept),
+            false => error,
+        }
+    })
 }
 
 /// A bar on a terminal, events when asked for JSON.
@@ -63,7 +104,10 @@ impl Progress {
             return Err(interrupted());
         }
         // Draws to standard error, and only when that is a terminal.
-        self.bar.get_or_insert_with(|| bar(total, self.unit)).set_position(done);
+        let text = text(done, total, self.unit, self.start.elapsed());
+        let bar = self.bar.get_or_insert_with(|| bar(total));
+        bar.set_message(text);
+        bar.set_position(done);
         if self.out.json() && self.said.elapsed() >= PERIOD {
             self.said = Instant::now();
             let seconds = self.start.elapsed().as_secs_f64();
@@ -98,14 +142,14 @@ impl Drop for Progress {
 pub(crate) struct Files {
     out: Out,
     bar: ProgressBar,
+    start: Instant,
     said: Instant,
 }
 
 impl Files {
     pub(crate) fn new(out: &Out) -> Self {
-        let style = ProgressStyle::with_template("{wide_bar} {percent} %, {eta} left, {msg}");
-        let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
-        Self { out: *out, bar: ProgressBar::new(1000).with_style(style), said: Instant::now() }
+        let now = Instant::now();
+        Self { out: *out, bar: bar(Some(1000)), start: now, said: now }
     }
 
     /// The bar, for what is said beside it.
@@ -115,9 +159,12 @@ impl Files {
 
     /// Now at `file`, with `share` of all work done, 0 to 1.
     pub(crate) fn step(&mut self, file: &str, share: f64) {
-        if self.bar.message() != file {
-            self.bar.set_message(file.to_owned());
-        }
+        let percent = (share * 100.0) as u64;
+        self.bar.set_message(format!(
+            "{percent} %{}, {}",
+            left(share, self.start.elapsed()),
+            printable(file)
+        ));
         self.bar.set_position((share * 1000.0) as u64);
         if self.said.elapsed() >= PERIOD {
             self.said = Instant::now();
@@ -137,16 +184,62 @@ fn interrupted() -> Error {
     Error::new(Kind::Interrupted, "stopped on request").remedy("unfinished files are removed")
 }
 
-fn bar(total: Option<u64>, unit: &str) -> ProgressBar {
+/// How far a run is: "starting" until a rate is known.
+fn text(done: u64, total: Option<u64>, unit: &str, elapsed: Duration) -> String {
+    if done == 0 || elapsed < PERIOD {
+        return "starting".to_owned();
+    }
+    let rate = HumanCount((done as f64 / elapsed.as_secs_f64()).round() as u64);
+    match total {
+        Some(total) => {
+            let left = left(done as f64 / total.max(1) as f64, elapsed);
+            format!("{}/{} {unit}, {rate}/s{left}", HumanCount(done), HumanCount(total))
+        }
+        None => format!("{} {unit}, {rate}/s", HumanCount(done)),
+    }
+}
+
+/// ", 3 s left" after `elapsed` for a `share` of the work; empty until a rate is known.
+pub(crate) fn left(share: f64, elapsed: Duration) -> String {
+    if share <= 0.0 || elapsed < PERIOD {
+        return String::new();
+    }
+    let seconds = (elapsed.as_secs_f64() * (1.0 / share.min(1.0) - 1.0)).ceil() as u64;
+    match seconds {
+        0..120 => format!(", {seconds} s left"),
+        120..7200 => format!(", {} min left", seconds.div_ceil(60)),
+        _ => format!(", {} h {} min left", seconds / 3600, seconds % 3600 / 60),
+    }
+}
+
+fn bar(total: Option<u64>) -> ProgressBar {
     let (bar, template) = match total {
-        Some(n) => (
-            ProgressBar::new(n),
-            format!("{{wide_bar}} {{human_pos}}/{{human_len}} {unit}, {{per_sec}}, {{eta}} left"),
-        ),
-        None => (
-            ProgressBar::new_spinner(),
-            format!("{{spinner}} {{human_pos}} {unit}, {{per_sec}}, {{elapsed}}"),
-        ),
+        Some(n) => (ProgressBar::new(n), "{wide_bar} {msg}"),
+        None => (ProgressBar::new_spinner(), "{spinner} {msg}"),
     };
-    bar.with_style(ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar()))
+    bar.with_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_rate_and_no_time_are_shown_before_a_rate_is_known() {
+        let second = Duration::from_secs(1);
+        assert_eq!(text(0, Some(500), "readouts", second), "starting");
+        assert_eq!(text(10, Some(500), "readouts", Duration::from_millis(1)), "starting");
+        assert_eq!(text(100, Some(500), "readouts", second), "100/500 readouts, 100/s, 4 s left");
+        assert_eq!(text(12_000, None, "readouts", second), "12,000 readouts, 12,000/s");
+    }
+
+    #[test]
+    fn time_left_follows_from_the_share_that_is_done() {
+        let after = |share, seconds| left(share, Duration::from_secs(seconds));
+        assert_eq!(after(0.0, 10), "");
+        assert_eq!(after(0.5, 119), ", 119 s left");
+        assert_eq!(after(0.1, 60), ", 9 min left");
+        assert_eq!(after(0.01, 100), ", 2 h 45 min left");
+        assert_eq!(after(1.0, 100), ", 0 s left");
+    }
 }

@@ -3,14 +3,13 @@
 use std::ops::Range;
 use std::path::Path;
 
+use super::output::Out;
 use crate::calibrate::RecordingSet;
 use crate::formats::{Layout, Lost, Opening, Origin, Reader, Readings};
 use crate::kernels::counting;
+use crate::threads;
 use crate::{Error, Geometry, Kind, Result, spikes};
 use clap::builder::PossibleValuesParser;
-use rayon::prelude::*;
-
-use super::output::Out;
 
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct StreamArgs {
@@ -53,7 +52,7 @@ pub(crate) fn size(
 
 /// Spikes in a range of readouts, each of which is read.
 pub(crate) fn spikes_in(reader: &Reader, readouts: Range<usize>) -> Result<u64> {
-    let part = readouts.len().div_ceil(rayon::current_num_threads()).max(1);
+    let part = readouts.len().div_ceil(threads::count()).max(1);
     let parts: Vec<_> =
         readouts.clone().step_by(part).map(|from| from..readouts.end.min(from + part)).collect();
     let count = |part: Range<usize>| {
@@ -69,7 +68,7 @@ pub(crate) fn spikes_in(reader: &Reader, readouts: Range<usize>) -> Result<u64> 
             },
         )
     };
-    parts.into_par_iter().map(count).sum()
+    Ok(threads::try_map(parts, count)?.into_iter().sum())
 }
 
 impl StreamArgs {

@@ -7,7 +7,6 @@ use crate::reconstruct::{isi_map, span, tfi_at, tfp};
 use crate::spikes::Packed;
 use crate::{Error, Kind, Result};
 use clap::ValueEnum;
-use rayon::prelude::*;
 use serde_json::json;
 
 use crate::cli::shared::output::Out;
@@ -16,6 +15,7 @@ use crate::cli::shared::picture::{around, bright, moments};
 use crate::cli::shared::progress::{Progress, stop_flag};
 use crate::cli::shared::stream::StreamArgs;
 use crate::cli::shared::video::{Pictures, Video};
+use crate::threads;
 
 mod array;
 mod sinks;
@@ -188,13 +188,13 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let mut progress = Progress::new(out, stop_flag()?);
     let mut cut = Vec::new();
     let mut done = 0;
-    for batch in moments.chunks(BATCH * rayon::current_num_threads()) {
+    for batch in moments.chunks(BATCH * threads::count()) {
         let encode = |&at: &usize| {
             let (picture, whole) = if at == moments[0] { first.clone() } else { args.picture(&reader, at)? };
             Ok((at, whole, sink.encode(&picture)?))
         };
         // Kept one by one, so that what stands before a fault is written whoever was faster.
-        let ready: Vec<Result<_>> = batch.par_iter().map(encode).collect();
+        let ready: Vec<Result<_>> = threads::map(batch, encode);
         for picture in ready {
             let (at, whole, encoded) = picture?;
             sink.put(at, &encoded).map_err(|e| progress.cause(e))?;

@@ -8,6 +8,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory as _, FromArgMatches as _};
 
 use crate::cli::command::Cli;
+use crate::error::printable;
 
 /// Two examples of each command.
 const EXAMPLES: &[(&str, [&str; 2])] = &[
@@ -84,9 +85,11 @@ pub(crate) fn parse(args: &[OsString]) -> Result<Cli, u8> {
     let read = command().try_get_matches_from(args).and_then(|matches| Cli::from_arg_matches(&matches));
     read.map_err(|error| {
         // Nobody is left to hear that the standard channels are closed.
-        let _ = match meant(&error) {
-            Some(line) => writeln!(std::io::stderr(), "spikelane: {line}"),
-            None => error.print(),
+        let _ = match (meant(&error), error.render().to_string()) {
+            (Some(line), _) => writeln!(std::io::stderr(), "spikelane: {}", printable(&line)),
+            // In colors where no argument holds a control character.
+            (None, text) if printable(&text) == text => error.print(),
+            (None, text) => write!(std::io::stderr(), "{}", printable(&text)),
         };
         u8::try_from(error.exit_code()).unwrap_or(2)
     })

@@ -1,7 +1,5 @@
 //! A camera in the light of a recording.
 
-use rayon::prelude::*;
-
 use super::times::{Line, Times};
 use crate::compare::scene::{LEAD, without_pattern};
 use crate::draws::pattern::Pattern;
@@ -10,6 +8,7 @@ use crate::effects::Camera;
 use crate::error::Result;
 use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::Geometry;
+use crate::threads;
 
 /// A camera without its own fixed pattern, and light that gives every pixel its measured rate.
 pub(super) struct Matched<'a> {
@@ -72,6 +71,6 @@ impl<'a> Matched<'a> {
     /// As many recordings as asked for, each with a shot seed of its own.
     pub(super) fn recordings(&self, count: usize, seeds: Seeds) -> Result<Vec<Times>> {
         let one = |k| self.simulate(Seeds { shot: seeds.shot + 1 + k, ..seeds });
-        (0..count as u64).into_par_iter().map(one).collect()
+        threads::try_map(0..count as u64, one)
     }
 }

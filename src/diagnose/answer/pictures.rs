@@ -1,7 +1,5 @@
 //! What a set looks like: maps, spectra and intervals for the report, of the data and of a model.
 
-use rayon::prelude::*;
-
 use crate::calibrate::RecordingSet;
 use crate::diagnose::null::reference::Reference;
 use crate::diagnose::protocol::recorded_set::Setup;
@@ -13,6 +11,7 @@ use crate::diagnose::statistics::lines::lines;
 use crate::diagnose::statistics::readouts::power;
 use crate::error::Result;
 use crate::spikes::{Packed, bit};
+use crate::threads;
 
 /// Bins of an interval's length over its pixel's mean, up to [`LONGEST`].
 const BINS: usize = 40;
@@ -86,7 +85,7 @@ fn range(reference: &Reference, sample: &Sample) -> Result<Option<[Points; 2]>> 
         let scan = simulate::scan_of_recording(setup, sample, k, reference.seed + 91_000 + i as u64)?;
         Ok(smooth(&scan.totals, setup.readout_hz))
     };
-    let all = (0..FURTHER).into_par_iter().map(spectrum).collect::<Result<Vec<_>>>()?;
+    let all = threads::try_map(0..FURTHER, spectrum)?;
     let ends = |pick: fn(f64, f64) -> f64| {
         let at = |i: usize| (all[0][i].0, all.iter().map(|s| s[i].1).reduce(pick).unwrap_or_default());
         (0..all[0].len()).map(at).collect()

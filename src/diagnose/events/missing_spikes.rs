@@ -2,10 +2,9 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use crate::diagnose::recording::bits::BANDS;
 use crate::diagnose::recording::bits::{PixelBits, count_between};
+use crate::threads;
 
 /// Mean interval from which on a missing spike shows: twice 2.3 less one is more than three.
 const SHORTEST: f64 = 2.3;
@@ -50,7 +49,7 @@ pub(in crate::diagnose) fn of_light(bits: &PixelBits, period: &[Range<usize>]) -
         }
         missing
     };
-    let bands: Vec<Missing> = (0..BANDS).into_par_iter().map(of_band).collect();
+    let bands: Vec<Missing> = threads::map(0..BANDS, of_band);
     let sum = bands.into_iter().reduce(|mut sum, band| {
         sum.at.iter_mut().zip(band.at).for_each(|(a, b)| *a += b);
         sum.expected += band.expected;

@@ -1,8 +1,5 @@
 //! A fitted model judged by its own simulations.
 
-use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
-
 use super::draws::MEAN_SIMULATIONS;
 use super::draws::SOME_SIMULATIONS;
 use super::fit::{Fit, trust};
@@ -20,6 +17,8 @@ use crate::diagnose::sensors::simulate;
 use crate::draws::pattern::Pattern;
 use crate::draws::{Seeds, Stream};
 use crate::error::Result;
+use crate::threads;
+use nalgebra::{DMatrix, DVector};
 
 /// Simulations with redrawn numbers.
 const MANY: usize = 30;
@@ -135,7 +134,7 @@ impl Fitter<'_> {
                 vector: DVector::from_vec(simulate::values(&reference.setup, &sample, seed)?),
             })
         };
-        (0..MANY).into_par_iter().map(one).collect()
+        threads::try_map(0..MANY, one)
     }
 
     /// The fitted model judged by itself, again as long as its own noise asks for other numbers.

@@ -5,9 +5,6 @@
 //! without the effect it moves nothing. Fitted by what they move without it, these numbers said at `c = -1` that the thresholds'
 //! spread is a half of what it is, and -0.78 (-0.85 to -0.71).
 
-use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
-
 use super::fit::Fit;
 use crate::diagnose::null::denoised::quiet;
 use crate::diagnose::null::derivatives::step;
@@ -15,6 +12,8 @@ use crate::diagnose::null::mean::average;
 use crate::diagnose::null::reference::Reference;
 use crate::diagnose::sensors::base::number_of;
 use crate::error::Result;
+use crate::threads;
+use nalgebra::{DMatrix, DVector};
 
 /// Changes per unit of the base knobs where `fit` stands: those of the base model, and what is plainly another change beside the
 /// fit's effects, by `count` pairs of pairs of simulations with the same draws. Nothing where no effect couples them.
@@ -43,6 +42,6 @@ pub(in crate::diagnose) fn jacobian(
         let change: Vec<DVector<f64>> = with.zip(without).map(|(a, b)| a - b).collect();
         Ok(plain + quiet(average(&change), &reference.spread, count) / h)
     };
-    let columns = (0..reference.model.knobs.len()).into_par_iter().map(column).collect::<Result<Vec<_>>>()?;
+    let columns = threads::try_map(0..reference.model.knobs.len(), column)?;
     Ok(Some(DMatrix::from_columns(&columns)))
 }

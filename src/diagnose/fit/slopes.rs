@@ -1,8 +1,5 @@
 //! What a fitted effect's numbers move.
 
-use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
-
 use super::coupled;
 use super::fit::{Fit, Taken};
 use super::fitter::Fitter;
@@ -10,6 +7,8 @@ use crate::diagnose::null::denoised::quiet;
 use crate::diagnose::null::mean::average;
 use crate::effects::definition::Scale;
 use crate::error::Result;
+use crate::threads;
+use nalgebra::{DMatrix, DVector};
 
 /// Deviations of its noise, at worst, from which on a change is one, and simulations that can show it.
 const MOVED: f64 = 2.0;
@@ -91,7 +90,7 @@ impl Fitter<'_> {
         };
         let knobs: Vec<(usize, usize)> =
             (0..fit.effects.len()).flat_map(|e| fit.knobs_of(e).map(move |j| (e, j))).collect();
-        let columns = knobs.into_par_iter().map(column).collect::<Result<Vec<_>>>()?;
+        let columns = threads::try_map(knobs, column)?;
         fit.jacobian = if columns.is_empty() {
             DMatrix::zeros(fit.mean.len(), 0)
         } else {

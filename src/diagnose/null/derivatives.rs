@@ -3,9 +3,6 @@
 use std::ops::Range;
 use std::sync::atomic::AtomicUsize;
 
-use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
-
 use super::denoised::quiet;
 use super::mean::average;
 use super::watched::count;
@@ -18,6 +15,8 @@ use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::all::vector;
 use crate::error::Result;
+use crate::threads;
+use nalgebra::{DMatrix, DVector};
 
 /// Simulations for a derivative, on a sensor of so many pixels, where each tells as much as several, and on one of so many;
 /// on a smaller one as many more as it has fewer pixels, up to a limit.
@@ -110,9 +109,9 @@ pub(in crate::diagnose) fn changes(
             count(done);
             Ok(DVector::from_vec(values) - &baseline[i])
         };
-        seeds.clone().into_par_iter().map(change).collect()
+        threads::try_map(seeds.clone(), change)
     };
-    Ok(Changes((0..n).into_par_iter().map(one).collect::<Result<_>>()?))
+    Ok(Changes(threads::try_map(0..n, one)?))
 }
 
 fn stepped(model: &Model, j: usize) -> Vec<f64> {

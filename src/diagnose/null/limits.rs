@@ -1,12 +1,11 @@
 //! How far clean sensors stray.
 
-use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
-
 use super::metric::{Metric, noise};
 use super::redraw::Redrawn;
 use super::signature::Signature;
 use crate::error::Result;
+use crate::threads;
+use nalgebra::{DMatrix, DVector};
 
 /// Parts of the null that are judged by the rest of it.
 const FOLDS: usize = 5;
@@ -67,7 +66,7 @@ impl Clean {
             let all: Vec<&Signature> = base.signatures.iter().collect();
             Ok(own.map(|(_, d)| strays_by(&metric, &(&d.vector - base.mean), &all)).collect())
         };
-        let folds = (0..FOLDS).into_par_iter().map(fold).collect::<Result<Vec<_>>>()?;
+        let folds = threads::try_map(0..FOLDS, fold)?;
         let all: Vec<[f64; 3]> = folds.into_iter().flatten().collect();
         let column = |i: usize| all.iter().map(|a| a[i]).collect::<Vec<f64>>();
         let (floor, floor_sd) = centre(&column(0));

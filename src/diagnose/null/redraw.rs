@@ -2,9 +2,6 @@
 
 use std::sync::atomic::AtomicUsize;
 
-use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
-
 use super::metric::Metric;
 use super::watched::count;
 use crate::diagnose::protocol::recorded_set::Setup;
@@ -13,6 +10,8 @@ use crate::diagnose::sensors::simulate;
 use crate::draws::pattern::Pattern;
 use crate::draws::{Seeds, Stream};
 use crate::error::Result;
+use crate::threads;
+use nalgebra::{DMatrix, DVector};
 
 /// Simulations with the fitted numbers redrawn from their posterior.
 pub(super) const REDRAWN: usize = 120;
@@ -45,5 +44,5 @@ pub(in crate::diagnose) fn redraw(
         count(done);
         Ok(Redrawn { base, lamps, vector })
     };
-    (0..REDRAWN).into_par_iter().map(one).collect()
+    threads::try_map(0..REDRAWN, one)
 }

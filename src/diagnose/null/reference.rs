@@ -1,9 +1,6 @@
 //! What a set of a given protocol looks like under the base model: mean, noise, what each number
 //! moves, how each candidate shows, and how far clean sensors stray.
 
-use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
-
 use super::first_look::First;
 use super::known::CALIBRATED;
 use super::limits::{Base, Clean, Limits};
@@ -21,6 +18,8 @@ use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::entry::Statistic;
 use crate::effects::{Camera, Catalogue, Definition};
 use crate::error::Result;
+use crate::threads;
+use nalgebra::{DMatrix, DVector};
 
 /// Simulations of the half that judges, where one set is cut in two.
 const HALVES: usize = 24;
@@ -124,7 +123,7 @@ impl Reference {
         let work: Vec<_> = all.into_iter().zip(signed).collect();
         reference.signatures = watched(&STAGES.signatures(work.len()), progress, |done| {
             let one = |work| sign(work).inspect(|_| count(done));
-            work.into_par_iter().map(one).collect::<Result<_>>()
+            threads::try_map(work, one)
         })?;
         reference.clean = Clean::of(&redrawn, &residuals, &lamps, &floors, reference.base())?;
         Ok(reference)
@@ -158,8 +157,8 @@ impl Reference {
         let change =
             |i: usize| changed_by(&candidate, &self.setup, &self.model, self.seed, &self.baseline, i);
         let mut each = known;
-        let more = (each.len()..SIGNATURE).into_par_iter().map(change);
-        each.extend(more.collect::<Result<Vec<_>>>()?);
+        let more = threads::try_map(each.len()..SIGNATURE, change)?;
+        each.extend(more);
         Ok(Signature { candidate, mean: average(&each), each })
     }
 
@@ -177,8 +176,8 @@ impl Reference {
             |i: usize| Ok(DVector::from_vec(simulate::values(&self.setup, &sample, self.seed + i as u64)?));
         let one = |i: usize| self.remembered.or(&sample, i, || simulate(i));
         let mut each = known;
-        let more = (each.len()..count.min(FIXED)).into_par_iter().map(one);
-        each.extend(more.collect::<Result<Vec<_>>>()?);
+        let more = threads::try_map(each.len()..count.min(FIXED), one)?;
+        each.extend(more);
         Ok(Means { mean: self.controlled(&each), each })
     }
 
@@ -191,7 +190,7 @@ impl Reference {
     ) -> Result<DVector<f64>> {
         let sample = model.sample(u, &[], setup.scenes.len())?;
         let one = |i: usize| Ok(DVector::from_vec(simulate::values(setup, &sample, self.seed + i as u64)?));
-        Ok(average(&(0..HALVES).into_par_iter().map(one).collect::<Result<Vec<_>>>()?))
+        Ok(average(&threads::try_map(0..HALVES, one)?))
     }
 
     fn controlled(&self, each: &[DVector<f64>]) -> DVector<f64> {

@@ -1,8 +1,5 @@
 //! Sensors of the base model, simulated: those that a first look needs come first.
 
-use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
-
 use super::derivatives::{Changes, changes, lamp_columns, pairs, with_lamps};
 use super::first_look::{First, Sketch};
 use super::mean::average;
@@ -17,6 +14,8 @@ use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::entry::Statistic;
 use crate::effects::Camera;
 use crate::error::Result;
+use crate::threads;
+use nalgebra::{DMatrix, DVector};
 
 /// Simulations at the base model's own numbers.
 pub(super) const FIXED: usize = 80;
@@ -108,19 +107,18 @@ impl Simulated {
         let few = few_pairs(setup);
         let stage = STAGES.first(FEW.max(lamped) + few * numbers + asked);
         let (mut baseline, lamps, signed) = watched(&stage, progress, |done| -> Result<_> {
-            let drawn = (0..lamped).into_par_iter().map(|i| {
+            let drawn = threads::try_map(0..lamped, |i| {
                 let drawn = with_lamps(setup, model, seed + i as u64).inspect(|_| count(done))?;
                 Ok((drawn.vector, drawn.lamps))
-            });
-            let (mut baseline, lamps): (Vec<_>, Vec<_>) =
-                drawn.collect::<Result<Vec<_>>>()?.into_iter().unzip();
+            })?;
+            let (mut baseline, lamps): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
             work.further(&mut baseline, &known, FEW, done)?;
             if moved.count() < few {
                 moved.extend(changes(setup, model, seed, &baseline, moved.count()..few, done)?);
             }
             let sign =
                 |c: &Candidate| changed_by(c, setup, model, seed, &baseline, 0).inspect(|_| count(done));
-            let signed = candidates[..asked].par_iter().map(sign).collect::<Result<Vec<_>>>()?;
+            let signed = threads::try_map(&candidates[..asked], sign)?;
             Ok((baseline, lamp_columns(&lamps, model, statistics.len()), signed))
         })?;
         if let Some(first) = first {
@@ -176,8 +174,8 @@ impl Work<'_> {
             count(done);
             Ok(vector)
         };
-        let more = (baseline.len()..wanted).into_par_iter().map(vector);
-        baseline.extend(more.collect::<Result<Vec<_>>>()?);
+        let more = threads::try_map(baseline.len()..wanted, vector)?;
+        baseline.extend(more);
         Ok(())
     }
 }

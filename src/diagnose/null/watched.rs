@@ -1,14 +1,11 @@
 //! Work on all threads, watched by the one that asked for it.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::time::Duration;
+
+use crate::threads;
 
 /// Told what is being done and the share of it that is.
 pub type Progress<'a> = &'a mut dyn FnMut(&str, f64);
-
-/// Between two looks at how far the work is.
-const PERIOD: Duration = Duration::from_millis(100);
 
 /// A part of all work: its name, the shares of the whole between which it lies, and how many pieces it has.
 pub(in crate::diagnose) struct Stage {
@@ -30,25 +27,9 @@ pub(in crate::diagnose) fn watched<T: Send>(
         progress(stage.name, stage.from + (stage.to - stage.from) * share.min(1.0));
     };
     told();
-    // A thread of the pool that waited here would be missing there.
-    if rayon::current_thread_index().is_some() {
-        return work(&done);
-    }
-    let mut out = None;
-    let (end, ended) = channel::<()>();
-    rayon::in_place_scope(|scope| {
-        let (out, done) = (&mut out, &done);
-        scope.spawn(move |_| {
-            *out = Some(work(done));
-            // Dropped in a panic too, which the scope passes on.
-            drop(end);
-        });
-        while ended.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
-            told();
-        }
-    });
+    let out = threads::run_observed(&mut told, || work(&done));
     told();
-    out.unwrap_or_else(|| unreachable!("a scope ends when its work has"))
+    out
 }
 
 /// One more piece is done.
@@ -58,7 +39,7 @@ pub(in crate::diagnose) fn count(done: &AtomicUsize) {
 
 #[cfg(test)]
 mod tests {
-    use rayon::prelude::*;
+    use std::time::Duration;
 
     use super::*;
 
@@ -72,7 +53,7 @@ mod tests {
                 count(done);
                 i
             };
-            (0..8).into_par_iter().map(piece).sum()
+            threads::map(0..8, piece).into_iter().sum()
         });
         assert_eq!(sum, 28);
         assert_eq!(told.first(), Some(&("null".to_owned(), 0.2)));

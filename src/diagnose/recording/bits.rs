@@ -2,10 +2,9 @@
 //!
 //! All statistics along time are then operations on whole words.
 
-use rayon::prelude::*;
-
 use crate::kernels::{Bits, Shorts, Work, counting_with};
 use crate::spikes::{Geometry, Packed};
+use crate::threads;
 
 /// Runs of pixels that are looked at side by side. A fixed number: sums of parts depend on where they are cut.
 pub(in crate::diagnose) const BANDS: usize = 8;
@@ -33,7 +32,8 @@ impl PixelBits {
         let turn = |(i, pixels): (usize, &mut [u64])| {
             counting_with(Turning { frames, first: i * GROUPS, words, pixels });
         };
-        data.par_chunks_mut(GROUPS * 64 * words.max(1)).enumerate().for_each(turn);
+        let parts: Vec<_> = data.chunks_mut(GROUPS * 64 * words.max(1)).enumerate().collect();
+        threads::map(parts, turn);
         Self { geometry, readouts, words, data }
     }
 

@@ -2,12 +2,11 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::bits::{PixelBits, coincidences, word_at};
 use super::pixel::PixelScan;
 use crate::kernels::counting;
 use crate::spikes::Packed;
+use crate::threads;
 
 /// Spikes of each readout, and bits that changed from one to the next.
 pub(in crate::diagnose) fn totals(frames: Packed<'_>) -> [Vec<u32>; 2] {
@@ -55,7 +54,7 @@ pub(in crate::diagnose) fn row_halves(bits: &PixelBits) -> f64 {
         )
     };
     // Summed in order: a sum of parts would depend on who took which.
-    let rows: Vec<f64> = (0..bits.geometry.height()).into_par_iter().map(of_row).collect();
+    let rows: Vec<f64> = threads::map(0..bits.geometry.height(), of_row);
     rows.iter().sum::<f64>() / bits.geometry.height() as f64
 }
 
@@ -131,7 +130,7 @@ pub(in crate::diagnose) fn neighbours(bits: &PixelBits, pixels: &[PixelScan]) ->
             || neighbours_of_row(bits, pixels, row),
         )
     };
-    let rows: Vec<[[f64; 2]; 4]> = (0..bits.geometry.height()).into_par_iter().map(of_row).collect();
+    let rows: Vec<[[f64; 2]; 4]> = threads::map(0..bits.geometry.height(), of_row);
     std::array::from_fn(|k| {
         let sum = |i: usize| rows.iter().map(|r| r[k][i]).sum::<f64>();
         let (found, chance) = (sum(0), sum(1));

@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::bits::BANDS;
 use super::bits::{PixelBits, count_between, count_blocks};
 use super::coincidences::{neighbours, row_halves, totals};
@@ -15,6 +13,7 @@ use super::stretches::{Stretch, stretches};
 use crate::kernels::{Bits, ROOM, SLACK, Shorts, Work, counting_with};
 use crate::measure::{Motion, motion};
 use crate::spikes::{Geometry, Packed};
+use crate::threads;
 
 /// What a scene makes worth looking at.
 #[derive(Clone, Copy, Debug, Default)]
@@ -81,7 +80,7 @@ pub(in crate::diagnose) fn scan_turned(frames: Packed<'_>, bits: &PixelBits, loo
         let pixels = (band * rows).min(n)..((band + 1) * rows).min(n);
         counting_with(Band { bits, pixels, dim: look.dim, dark: &dark })
     };
-    let parts: Vec<(Vec<PixelScan>, Deviations)> = (0..BANDS).into_par_iter().map(of_band).collect();
+    let parts: Vec<(Vec<PixelScan>, Deviations)> = threads::map(0..BANDS, of_band);
     let mut pixels = Vec::with_capacity(n);
     let mut deviations = vec![[0.0; 2]; if look.dim { bits.readouts } else { 0 }];
     for (part, more) in parts {

@@ -2,9 +2,6 @@
 
 use std::sync::atomic::AtomicUsize;
 
-use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
-
 use crate::diagnose::kept::folder::Kept;
 use crate::diagnose::null::derivatives::{Changes, changes, pairs};
 use crate::diagnose::null::mean::average;
@@ -14,6 +11,8 @@ use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
 use crate::effects::Camera;
 use crate::error::Result;
+use crate::threads;
+use nalgebra::{DMatrix, DVector};
 
 /// Simulations of the mean at least, and steps at most.
 const MEAN: usize = 24;
@@ -99,7 +98,7 @@ impl Place {
         let still = model.sample(&[], &[], setup.scenes.len())?;
         let one = |i: usize| Ok(DVector::from_vec(simulate::values(setup, &still, seed + i as u64)?));
         let count = MEAN.max(pairs(setup));
-        let each: Vec<DVector<f64>> = (0..count).into_par_iter().map(one).collect::<Result<_>>()?;
+        let each: Vec<DVector<f64>> = threads::try_map(0..count, one)?;
         let mean = average(&each);
         let square = |j: usize| each.iter().map(|v| (v[j] - mean[j]).powi(2)).sum::<f64>();
         let spread: Vec<f64> = (0..mean.len()).map(|j| (square(j) / (count - 1) as f64).sqrt()).collect();

@@ -1,8 +1,5 @@
 //! One round of the loop: the candidates that promise most are fitted, and the most likely one wins.
 
-use nalgebra::DVector;
-use rayon::prelude::*;
-
 use super::context::Case;
 use super::round::Fate;
 use super::round::{Entrant, Round};
@@ -16,6 +13,8 @@ use crate::diagnose::null::metric::Metric;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::null::signature::reach;
 use crate::error::Result;
+use crate::threads;
+use nalgebra::DVector;
 
 /// Furthest that a signature is stretched: beyond, another one of the same effect is nearer.
 const FURTHEST: f64 = 8.0;
@@ -61,18 +60,18 @@ impl Case<'_> {
         let rounds = if fit.effects.is_empty() { ROUNDS_ALONE } else { ROUNDS_BESIDE };
         // Which start is nearer shows at the end: where base numbers took in what is added now, that place costs less at first.
         let enter = |(_, from): &(&str, Vec<Fit>)| {
-            let refined = from.par_iter().map(|f| self.fitter.refined(f.clone(), rounds[0], few));
-            Ok(refined.collect::<Result<Vec<_>>>()?.into_iter().min_by(cheaper))
+            let refined = threads::try_map(from, |f| self.fitter.refined(f.clone(), rounds[0], few))?;
+            Ok(refined.into_iter().min_by(cheaper))
         };
-        let fits = starts.par_iter().map(enter).collect::<Result<Vec<Option<Priced>>>>()?;
+        let fits: Vec<Option<Priced>> = threads::try_map(&starts, enter)?;
         let mut fits: Vec<Priced> = fits.into_iter().flatten().collect();
         fits.sort_by(cheaper);
         // Near the front, once more and with less noise.
         let front = fits[0].price + 0.15 * (fit.price() - fits[0].price).max(0.0) + NEAR;
         let near = fits.iter().take(FINAL).take_while(|f| f.price < front).count();
         let far = fits.split_off(near);
-        let again = fits.into_par_iter().map(|f| self.fitter.refined(f.fit, rounds[1], some));
-        let mut fits = self.finish(again.collect::<Result<Vec<_>>>()?)?;
+        let again = threads::try_map(fits, |f| self.fitter.refined(f.fit, rounds[1], some))?;
+        let mut fits = self.finish(again)?;
         let Priced { fit: best, .. } = fits[0].clone();
         fits.extend(far);
         let entrants = fits.iter().map(|f| self.entrant(&fits[0], f)).collect();
@@ -106,7 +105,8 @@ impl Case<'_> {
             self.fitter.evaluate(&mut fit, MOST_SIMULATIONS)?;
             Ok(self.fitter.priced(fit))
         };
-        let mut front = front.into_par_iter().zip(open).map(more).collect::<Result<Vec<_>>>()?;
+        let both: Vec<_> = front.into_iter().zip(open).collect();
+        let mut front = threads::try_map(both, more)?;
         front.sort_by(cheaper);
         Ok(front)
     }
@@ -164,11 +164,8 @@ pub(in crate::diagnose) fn entrants<'a>(
     off: &DVector<f64>,
     signatures: &[&'a Signature],
 ) -> Vec<(f64, &'a Signature)> {
-    let mut ranked: Vec<(f64, f64, &Signature)> = signatures
-        .par_iter()
-        .filter(|s| fit.lacks(s) && fit.allows(s))
-        .map(|s| promise(metric, off, s))
-        .collect();
+    let possible: Vec<_> = signatures.iter().filter(|s| fit.lacks(s) && fit.allows(s)).collect();
+    let mut ranked: Vec<(f64, f64, &Signature)> = threads::map(possible, |s| promise(metric, off, s));
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
     let best = ranked.first().map_or(0.0, |r| r.0);
     let mut entrants: Vec<(f64, &Signature)> = Vec::new();

@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::context::{Case, Judged};
 use super::round::Fate;
 use super::round::{Entrant, Round, kept_mut};
@@ -18,6 +16,7 @@ use crate::diagnose::fit::price::Priced;
 use crate::diagnose::null::metric::Metric;
 use crate::diagnose::null::signature::Signature;
 use crate::error::Result;
+use crate::threads;
 
 /// Share of the first excess that a further effect must explain: an approximate signature of a strong
 /// effect leaves that much. Three times as much kept a droop from being named beside strong row noise.
@@ -205,14 +204,13 @@ impl Case<'_> {
             }
             fitter.refined(entered.fit, ROUNDS_BESIDE[0] - ROUNDS_TO_ENTER, few).map(Some)
         };
-        let fits = others.par_iter().map(enter).collect::<Result<Vec<_>>>()?;
+        let fits = threads::try_map(&others, enter)?;
         let fits: Vec<Priced> = fits.into_iter().flatten().collect();
         // Fewer simulations shrink a model's own noise towards the null's, which makes it dearer by as much as that noise is apart.
         let drawn = NEAR + with.fit.noise_of_its_own().max(0.0);
         let front = fits.iter().map(|f| f.price).fold(with.price, f64::min) + drawn;
         let near: Vec<Fit> = fits.into_iter().filter(|f| f.price <= front).map(|f| f.fit).collect();
-        let again = near.into_par_iter().map(|f| fitter.refined(f, ROUNDS_BESIDE[1], some));
-        let mut others = again.collect::<Result<Vec<_>>>()?;
+        let mut others = threads::try_map(near, |f| fitter.refined(f, ROUNDS_BESIDE[1], some))?;
         others.sort_by(cheaper);
         Ok(others)
     }

@@ -2,8 +2,6 @@
 
 use std::borrow::Cow;
 
-use rayon::prelude::*;
-
 use super::fixed::replaced;
 use super::key::hash;
 use super::sample::Sample;
@@ -23,6 +21,7 @@ use crate::pixel::Op;
 use crate::plan::Plan;
 use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::{Geometry, Packed};
+use crate::threads;
 
 /// The entries of the vector.
 pub(in crate::diagnose) fn statistics(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vec<Statistic>> {
@@ -38,16 +37,16 @@ fn statistics_of(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vector> {
 
 /// Scans of the set as `sample` would give it.
 pub(in crate::diagnose) fn scans(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vec<Scan>> {
-    let scenes = (0..setup.scenes.len()).into_par_iter();
+    let scenes = 0..setup.scenes.len();
     if setup.only_still() {
-        return scenes.map(|k| scan_of_recording(setup, sample, k, seed)).collect();
+        return threads::try_map(scenes, |k| scan_of_recording(setup, sample, k, seed));
     }
     let model = model_of(setup, sample, seed)?;
     let scene = |k: usize| match setup.scenes[k].still {
         Some(_) => scan_of_recording(setup, sample, k, seed),
         None => scan_of(setup.geometry, &bits_of(setup, &model, sample, k, seed)?, &setup.scenes[k]),
     };
-    scenes.map(scene).collect()
+    threads::try_map(scenes, scene)
 }
 
 /// The vector.

@@ -6,7 +6,7 @@ use std::arch::asm;
 use std::arch::x86_64::*;
 
 use crate::draws::gauss;
-use crate::kernels::isa::lanes::Lanes;
+use crate::kernels::isa::lanes::{Lanes, last_index};
 use crate::kernels::isa::proven::{both, both_of, memory, proven};
 
 /// Proof that the CPU has the instructions: only [`Avx2::detect`] makes one.
@@ -361,10 +361,10 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn gather(self, table: &[u32], index: Pair) -> Pair {
-        let last = self.splat_pair(u32::try_from(table.len() - 1).unwrap_or(u32::MAX));
+        let last = self.splat_pair(last_index(table));
         both!(index => {
-            // SAFETY: `self` proves the instructions; every index is at most that of the last
-            // entry (the subtraction above has shown that there is one).
+            // SAFETY: `self` proves the instructions. The minimum of unsigned words is at most `last_index`, which
+            // checks in every build that this entry exists and is no negative number to the instruction.
             unsafe { _mm256_i32gather_epi32::<4>(table.as_ptr().cast(), _mm256_min_epu32(index, last)) }
         })
     }

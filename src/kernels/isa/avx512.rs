@@ -7,7 +7,7 @@ use std::arch::x86_64::*;
 use crate::draws::gauss;
 use crate::kernels::isa::avx512_counts;
 use crate::kernels::isa::avx512_token::{Avx512, EVEN, ODD};
-use crate::kernels::isa::lanes::{CountDraw, Lanes, MOST_COUNTS};
+use crate::kernels::isa::lanes::{CountDraw, Lanes, MOST_COUNTS, last_index};
 use crate::kernels::isa::proven::{both, both_of, memory, proven};
 
 const fn repeated(table: [i8; 16]) -> [i8; 64] {
@@ -329,10 +329,10 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn gather(self, table: &[u32], index: Pair) -> Pair {
-        let last = self.splat_pair(u32::try_from(table.len() - 1).unwrap_or(u32::MAX));
+        let last = self.splat_pair(last_index(table));
         both!(index => {
-            // SAFETY: `self` proves the instructions; every index is at most that of the last
-            // entry (the subtraction above has shown that there is one).
+            // SAFETY: `self` proves the instructions. The minimum of unsigned words is at most `last_index`, which
+            // checks in every build that this entry exists and is no negative number to the instruction.
             unsafe { _mm512_i32gather_epi32::<4>(_mm512_min_epu32(index, last), table.as_ptr().cast()) }
         })
     }

@@ -22,6 +22,16 @@ pub(crate) struct CountDraw<'a> {
     pub rounds: &'a [Round],
 }
 
+/// The index of the last entry of a table, to which [`Lanes::gather`] limits its indexes. An instruction takes them as signed words.
+///
+/// # Panics
+/// When the table is empty. What instructions read is within the table because of this check, whatever a build checks besides.
+#[inline(always)]
+pub(super) fn last_index(table: &[u32]) -> u32 {
+    assert!(!table.is_empty(), "a table to look up has no entry");
+    (table.len() - 1).min(i32::MAX as usize) as u32
+}
+
 /// Vectors of `N` pixels.
 pub(crate) trait Lanes: Copy {
     /// Pixels of a vector: 8, 16 or 32.
@@ -165,8 +175,10 @@ pub(crate) trait Lanes: Copy {
         let high = self.select(m, self.high(a), self.high(b));
         self.join(high, self.select(m, self.low(a), self.low(b)))
     }
-    /// `table[index]` for every lane. Panics in debug builds and stays in bounds
-    /// in release builds when an index is too large.
+    /// `table[index]` for every lane; the last entry for an index beyond it.
+    ///
+    /// # Panics
+    /// When the table is empty.
     fn gather(self, table: &[u32], index: Self::Word) -> Self::Word;
     #[inline(always)]
     fn gather_f(self, table: &[f32], index: Self::Word) -> Self::Float {
@@ -190,4 +202,42 @@ pub(crate) trait Lanes: Copy {
     fn join(self, high: Self::Half, low: Self::Half) -> Self::Word;
     /// Sign-extended words.
     fn widen(self, a: Self::Half) -> Self::Word;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::isa::portable::Portable;
+
+    /// What `gather` finds in `table` at `index`, in the first lane.
+    fn found<L: Lanes>(lanes: L, table: &[u32], index: u32) -> u32 {
+        let word = lanes.join(lanes.splat((index >> 16) as i16), lanes.splat(index as i16));
+        let entry = lanes.gather(table, word);
+        let mut halves = [[0; 32]; 2];
+        lanes.store(&mut halves[0], 0, lanes.high(entry));
+        lanes.store(&mut halves[1], 0, lanes.low(entry));
+        (u32::from(halves[0][0] as u16) << 16) | u32::from(halves[1][0] as u16)
+    }
+
+    fn stays_within_the_table<L: Lanes + std::panic::RefUnwindSafe + std::panic::UnwindSafe>(lanes: L) {
+        let table = [0x1_0000, 0x2_0001, 0x3_0002];
+        assert_eq!([0, 1, 2].map(|i| found(lanes, &table, i)), table);
+        for index in [3, 0x7fff_ffff, 0x8000_0000, u32::MAX] {
+            assert_eq!(found(lanes, &table, index), table[2], "index {index}");
+        }
+        let empty = std::panic::catch_unwind(|| found(lanes, &[], 0));
+        assert!(empty.is_err(), "an empty table was read");
+    }
+
+    #[test]
+    fn a_lookup_stays_within_its_table_for_any_index() {
+        stays_within_the_table(Portable);
+        #[cfg(target_arch = "x86_64")]
+        {
+            use crate::kernels::isa::{avx2::Avx2, avx512_token::Avx512, sse41::Sse41};
+            Sse41::detect().into_iter().for_each(stays_within_the_table);
+            Avx2::detect().into_iter().for_each(stays_within_the_table);
+            Avx512::detect().into_iter().for_each(stays_within_the_table);
+        }
+    }
 }

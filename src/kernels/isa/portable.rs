@@ -1,6 +1,6 @@
 //! The `wide` crate's vectors, with whatever instructions the crate was compiled for.
 
-use crate::kernels::isa::lanes::Lanes;
+use crate::kernels::isa::lanes::{Lanes, last_index};
 use crate::kernels::isa::wide_lanes::{
     self, Floats, MASKS, N, Shorts, UnsignedShorts, UnsignedWords, Words, mapped,
 };
@@ -278,7 +278,7 @@ impl Lanes for Portable {
     #[inline(always)]
     fn gather(self, table: &[u32], index: Pair) -> Pair {
         let index: [u32; N] = bytemuck::cast(index);
-        let last = table.len() - 1;
+        let last = last_index(table) as usize;
         bytemuck::cast(mapped!([0; N], i in index => table[(i as usize).min(last)]))
     }
     #[inline(always)]

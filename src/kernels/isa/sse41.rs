@@ -6,7 +6,7 @@ use std::arch::asm;
 use std::arch::x86_64::*;
 
 use crate::draws::gauss;
-use crate::kernels::isa::lanes::Lanes;
+use crate::kernels::isa::lanes::{Lanes, last_index};
 use crate::kernels::isa::proven::{both, both_of, memory, proven};
 
 /// Proof that the CPU has the instructions: only [`Sse41::detect`] makes one.
@@ -312,7 +312,7 @@ impl Lanes for Sse41 {
     }
     #[inline(always)]
     fn gather(self, table: &[u32], index: Pair) -> Pair {
-        let last = table.len() - 1;
+        let last = last_index(table) as usize;
         both!(index => {
             // There is no such instruction; the words are looked up one by one.
             let [a, b, c, d]: [u32; 4] = bytemuck::cast(index);

@@ -15,6 +15,7 @@ use crate::light::fit::Fit;
 use crate::light::transfer::Transfer;
 use crate::npy::Archive;
 use crate::spikes::Geometry;
+use crate::threads;
 
 const BLOCK: usize = 1 << 16;
 
@@ -36,7 +37,8 @@ pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>)
     let entry = array.clone();
     let subject = format!("{name}: {array}");
     let (sender, receiver) = sync_channel(4);
-    std::thread::spawn(move || unpack(archive, &entry, &sender));
+    let unpack = move |archive| unpack(archive, &entry, &sender);
+    threads::spawn("npz", archive, unpack).map_err(|_| threads::no_thread("read an archive"))?;
     let blocks = Blocks { receiver, block: Vec::new(), used: 0 };
     Array::from_reader(Box::new(blocks), &subject, camera, fit, transfer)
 }

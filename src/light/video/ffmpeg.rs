@@ -19,6 +19,7 @@ use crate::light::pictures::picture::Linear;
 use crate::light::rate::Rate;
 use crate::sensor::FrontEnd;
 use crate::spikes::Geometry;
+use crate::threads;
 
 /// The last lines of ffmpeg's complaints that an error repeats.
 const LAST_LINES: usize = 4;
@@ -46,7 +47,7 @@ impl Process {
             .map_err(|e| missing(program, e))?;
         let stderr = child.stderr.take();
         // Read on a thread of its own: a full pipe of complaints would stop ffmpeg, and then us.
-        let complaints = std::thread::spawn(move || {
+        let complaints = move || {
             let mut last = VecDeque::new();
             for line in stderr.into_iter().flat_map(|s| BufReader::new(s).split(b'\n')) {
                 let Ok(line) = line else { break };
@@ -56,8 +57,11 @@ impl Process {
                 last.push_back(String::from_utf8_lossy(&line).trim_end().to_owned());
             }
             last
-        });
-        Ok(Self { path: path.to_owned(), child, complaints: Some(complaints) })
+        };
+        let thread = std::thread::Builder::new().name("ffmpeg".into()).spawn(complaints);
+        let mut process = Self { path: path.to_owned(), child, complaints: None };
+        process.complaints = Some(thread.map_err(|_| threads::no_thread("read what ffmpeg prints"))?);
+        Ok(process)
     }
 
     /// Waits for the end and says whether it was a good one.

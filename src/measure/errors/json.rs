@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 use super::{MEANING, Motion, Recording, Told};
 use crate::error::{Error, Kind, Result};
 use crate::measure::{Summary, TotalsLine, frame_total_lines, summarise};
+use crate::threads;
 
 /// Everything that is told of a recording.
 #[derive(Clone, Debug)]
@@ -27,8 +28,8 @@ impl Recording {
     /// As [`summarise`], and where the spectrum of the totals cannot be told.
     pub fn said(&self) -> Result<Said> {
         let summary = summarise(&self.statistics)?;
-        let of_readouts = || rayon::join(|| self.motion(), || frame_total_lines(&self.statistics));
-        let (told, (motion, lines)) = rayon::join(|| self.told_with(&summary), of_readouts);
+        let of_readouts = || threads::join(|| self.motion(), || frame_total_lines(&self.statistics));
+        let (told, (motion, lines)) = threads::join(|| self.told_with(&summary), of_readouts);
         Ok(Said { told, summary, motion, lines: lines? })
     }
 }

@@ -15,11 +15,10 @@ mod scatter;
 mod totals;
 mod values;
 
-use rayon::prelude::*;
-
 use crate::error::Result;
 use crate::measure::list::list_with;
 use crate::measure::{Estimate, Named, Pair, Summary, summarise};
+use crate::threads;
 
 use clusters::{NORMAL, clustered, widened};
 pub use json::Said;
@@ -110,7 +109,7 @@ impl Recording {
             0..2 => Vec::new(),
             _ => patterns(&rates, width, if temporal.is_finite() { temporal } else { 0.0 }, &noise),
         };
-        let (found, all) = rayon::join(of_patterns, || list_with(summary, &self.statistics));
+        let (found, all) = threads::join(of_patterns, || list_with(summary, &self.statistics));
         let quantities = Quantity::all(self.statistics.intervals.as_ref().map_or(&[1], |i| i.lags()));
         let one = |named: Named| {
             let (key, words, e) = (named.key.as_str(), named.words.as_str(), named.estimate);
@@ -125,7 +124,7 @@ impl Recording {
                 None => self.of_readouts(key, words, e),
             }
         };
-        all.into_par_iter().map(one).collect()
+        threads::map(all, one)
     }
 
     /// Whether the scene moved between the halves of the recording.

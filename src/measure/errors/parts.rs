@@ -5,8 +5,6 @@
 //! at the start of the next is as good as drawn anew: side by side, the last spike of one would tell where the first one of the next falls
 //! on the readouts, and the difference would scatter by too little or too much, as the interval is an odd or a whole number of them.
 
-use rayon::prelude::*;
-
 use super::part::{self, Part};
 use super::scatter::{Scatter, gap};
 use super::values::Quantity;
@@ -16,6 +14,7 @@ use crate::inputs;
 use crate::measure::stream::{bands, joined};
 use crate::measure::{Accumulator, MeasureOptions, Statistics};
 use crate::spikes::{Geometry, Packed};
+use crate::threads;
 
 /// Readouts read at a time.
 const BATCH: usize = 248;
@@ -84,14 +83,14 @@ impl Recorder {
     fn push_all(&mut self, frames: Packed<'_>) -> Result<()> {
         match self.whole.len() {
             0..=2 => self.whole.iter_mut().try_for_each(|a| a.push(frames)),
-            _ => self.whole.par_iter_mut().with_max_len(1).try_for_each(|a| a.push(frames)),
+            _ => threads::try_map(&mut self.whole, |a| a.push(frames)).map(drop),
         }
     }
 
     /// Begins a quarter, and with every other one a half, which goes on in the gap within it.
     fn begin_parts(&mut self) {
         let half = self.at.is_multiple_of(2 * self.quarter);
-        self.whole.par_iter_mut().for_each(|a| {
+        threads::map(&mut self.whole, |a| {
             part::begin(a, Part::Quarter);
             if half {
                 part::begin(a, Part::Half);
@@ -111,7 +110,8 @@ impl Recorder {
     }
 
     fn ended(&mut self, part: Part) -> Result<Statistics> {
-        Statistics::join(self.whole.par_iter_mut().filter_map(|a| part::end(a, part)).collect())
+        let parts: Vec<_> = threads::map(&mut self.whole, |a| part::end(a, part));
+        Statistics::join(parts.into_iter().flatten().collect())
     }
 
     /// What was recorded.
@@ -143,7 +143,7 @@ impl Recording {
             let (here, then) = (batch(at), batch((at + BATCH).min(all)));
             let measured = || recorder.push(Packed::new(geometry, &now[..here.len() * size])?);
             let read = || reader.read_frames(then.start, &mut next[..then.len() * size]);
-            let (measured, read) = rayon::join(measured, read);
+            let (measured, read) = threads::join(measured, read);
             measured.and(read)?;
             std::mem::swap(&mut now, &mut next);
             at = here.end;

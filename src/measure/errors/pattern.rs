@@ -1,9 +1,5 @@
 //! Errors of what is said of a sensor's fixed pattern.
 
-use rand_pcg::Pcg64Mcg;
-use rand_pcg::rand_core::{Rng, SeedableRng};
-use rayon::prelude::*;
-
 use super::clusters::{clustered, widened, widened_root};
 use super::values::mean;
 use crate::kernels::counting;
@@ -11,6 +7,9 @@ use crate::measure::maps::{line_excess, line_means};
 use crate::measure::{
     borders, finite, high_pass, map_correlations, median, median_and_spread, pattern_correlations,
 };
+use crate::threads;
+use rand_pcg::Pcg64Mcg;
+use rand_pcg::rand_core::{Rng, SeedableRng};
 
 /// Keys of the statistics of a pattern, in the order of [`values`]. Of the first four the values here are squares.
 pub(super) const KEYS: [&str; 12] = [
@@ -101,7 +100,7 @@ fn wild(rates: &[f64], width: usize, temporal: f64, noise: &[f64]) -> [f64; KEYS
         (0..rounds).map(|_| (0..rates.len().div_ceil(64)).map(|_| random.next_u64()).collect()).collect();
     let noise: Vec<f64> = noise.iter().map(|by| if by.is_finite() { *by } else { 0.0 }).collect();
     let one = |signs: &Vec<u64>| values(&moved(rates, &noise, signs), width, temporal);
-    let drawn: Vec<[f64; KEYS.len()]> = signs.par_iter().map(one).collect();
+    let drawn: Vec<[f64; KEYS.len()]> = threads::map(&signs, one);
     std::array::from_fn(|i| {
         let all: Vec<f64> = drawn.iter().map(|d| d[i]).collect();
         let n = all.len() as f64;

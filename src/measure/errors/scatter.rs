@@ -1,11 +1,10 @@
 //! From differences of parts to the error of the whole.
 
-use rayon::prelude::*;
-
 use super::clusters::{clustered, widened};
 use super::values::{Quantity, mean};
 use crate::measure::Statistics;
 use crate::spikes::Geometry;
+use crate::threads;
 
 /// Fewest pixels whose differences tell a variance.
 const LEAST: usize = 16;
@@ -74,7 +73,7 @@ impl Scatter {
     }
 
     pub(super) fn add_quarter(&mut self, statistics: &Statistics) {
-        self.all.par_iter_mut().for_each(|of| {
+        threads::map(&mut self.all, |of| {
             let (map, value) = of.quantity.of(statistics, true);
             of.quarters.push(value);
             if of.quarters.len() % 2 == 1 {
@@ -93,7 +92,7 @@ impl Scatter {
         if let Some(counts) = &statistics.counts {
             self.rates.push(counts.rate_by_time());
         }
-        self.all.par_iter_mut().for_each(|of| {
+        threads::map(&mut self.all, |of| {
             let map = of.quantity.of(statistics, true).0;
             match of.half.is_empty() {
                 true => of.half = map,

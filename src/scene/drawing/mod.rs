@@ -3,7 +3,6 @@
 pub(super) mod band;
 pub(super) mod fragment;
 pub(super) mod frame;
-pub(super) mod parallel;
 pub(super) mod picture;
 pub(super) mod raster;
 pub(super) mod render;

@@ -5,7 +5,6 @@ use glam::Vec3;
 use super::band::Band;
 use super::fragment::{Facet, Latest, surface_key, world_way};
 use super::frame::Frame;
-use super::parallel;
 use super::picture::{Labels, Rendered, SamplesPerPixel};
 use super::raster::{NOTHING, Pattern};
 use super::see::{Seen, rows_of, see};
@@ -14,6 +13,7 @@ use super::tiles::{BAND_ROWS, Tiles};
 use crate::error::Result;
 use crate::scene::lighting::luminance;
 use crate::scene::world::Scene;
+use crate::threads;
 
 impl Scene {
     /// Light and labels at `t`, on `threads` threads.
@@ -52,7 +52,7 @@ impl Scene {
         let shadows = self.light.sun.max_element() > 0.0;
         let seen = see(frame, &pattern, tiles, shadows, threads);
         let bands =
-            parallel::map(threads, seen.bands.len(), |b| shade_band(frame, &seen, &pattern, (b, tiles)));
+            threads::indexed(threads, seen.bands.len(), |b| shade_band(frame, &seen, &pattern, (b, tiles)));
         let rgb: Vec<[f32; 3]> = bands.into_iter().flatten().collect();
         let light = rgb.iter().map(|&c| luminance(c.into())).collect();
         Rendered { labels: seen.labels, light, rgb }

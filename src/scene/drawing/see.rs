@@ -3,12 +3,12 @@
 use super::band::Band;
 use super::fragment::{Latest, surface_key};
 use super::frame::Frame;
-use super::parallel;
 use super::picture::Labels;
 use super::raster::{NOTHING, Pattern, project, visible_chunks};
 use super::shade;
 use super::tiles::{BAND_ROWS, Tiles};
 use crate::scene::shapes::material::Semantic;
+use crate::threads;
 
 /// Visible samples of all bands, and what was derived from the centres.
 pub(super) struct Seen {
@@ -27,9 +27,10 @@ pub(super) fn see(frame: &Frame, pattern: &Pattern, tiles: &Tiles, shadows: bool
     let i = frame.camera.intrinsics;
     let (width, height) = (i.width as usize, i.height as usize);
     let chunks = visible_chunks(frame, tiles);
-    let batches = parallel::map(threads, chunks.len(), |k| project(frame, chunks[k].0, chunks[k].1, tiles));
+    let batches =
+        threads::indexed(threads, chunks.len(), |k| project(frame, chunks[k].0, chunks[k].1, tiles));
     let count = height.div_ceil(BAND_ROWS);
-    let parts = parallel::map(threads, count, |b| {
+    let parts = threads::indexed(threads, count, |b| {
         let (rows, runs) = (rows_of(b, height), tiles.runs(b));
         let band = Band::fill(&batches, pattern, &runs, width, b * BAND_ROWS, rows);
         let (labels, sunny) = centres(frame, &band, pattern, (b, tiles), shadows);

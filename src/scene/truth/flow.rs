@@ -6,10 +6,10 @@ use wide::f32x4;
 use crate::error::{Error, Kind, Result};
 
 use crate::scene::drawing::frame::Frame;
-use crate::scene::drawing::parallel;
 use crate::scene::drawing::picture::Labels;
 use crate::scene::drive::camera::{Camera, Intrinsics};
 use crate::scene::world::Scene;
+use crate::threads;
 
 /// Where the points seen by the pixel centres of one instant lie at another.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,7 +74,7 @@ impl Scene {
         let start = Frame::new(self, from.t);
         let everyone: Vec<u16> =
             (0..frame.placed.len() as u16).filter(|&i| !frame.placed[i as usize].stance.gone).collect();
-        let rows = parallel::map(threads, from.height, |row| {
+        let rows = threads::indexed(threads, from.height, |row| {
             (0..from.width)
                 .map(|column| {
                     let d = motions.at(from, row, column);

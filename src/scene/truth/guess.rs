@@ -6,11 +6,11 @@
 
 use std::ops::Range;
 
-use crate::scene::drawing::parallel;
 use crate::scene::drawing::tiles::Tiles;
 use crate::scene::truth::flow::Motions;
 use crate::scene::truth::span::Work;
 use crate::scene::truth::warp::{carry, mix};
+use crate::threads;
 
 /// Both sides of an instant differ by less than this part of white.
 const AGREE: f32 = 1e-3;
@@ -55,7 +55,7 @@ impl Work<'_> {
         let due: Vec<usize> = (0..self.paces.len()).filter(|&t| self.paces[t].rendered >= level).collect();
         let (a, b) = self.bracket(k, level - 1);
         let motions = [a, b].map(|from| (from, self.scene.motions(&self.instants[from], &self.instants[k])));
-        let made = parallel::map(threads, due.len(), |i| self.guess(due[i], k, &motions));
+        let made = threads::indexed(threads, due.len(), |i| self.guess(due[i], k, &motions));
         Guesses(due.into_iter().zip(made).collect())
     }
 

@@ -6,13 +6,13 @@
 //! rendered, every faster one is too, so that a picture of any instant is whole
 //! once those of the coarser instants are.
 
-use crate::scene::drawing::parallel;
 use crate::scene::drawing::picture::{Labels, Rendered, SamplesPerPixel};
 use crate::scene::drawing::tiles::Tiles;
 use crate::scene::truth::flow::{Instant, Motions};
 use crate::scene::truth::keyframes::PER_FLICKER;
 use crate::scene::truth::warp::{carry, mix};
 use crate::scene::world::Scene;
+use crate::threads;
 
 /// Motion in a tile between two instants at which it is rendered, in pixels.
 const RENDERED_PX: f32 = 0.4;
@@ -75,7 +75,7 @@ impl Scene {
                 work.levels[level].iter().copied().filter(|&k| work.images[k].is_none()).collect();
             // Many instants are shared out whole, a few in parts; the light is the same.
             let inner = if new.len() >= threads { 1 } else { threads };
-            let made = parallel::map(threads / inner, new.len(), |i| work.image(new[i], level, inner));
+            let made = threads::indexed(threads / inner, new.len(), |i| work.image(new[i], level, inner));
             for (k, image) in new.into_iter().zip(made) {
                 work.images[k] = Some(image);
             }
@@ -116,7 +116,7 @@ impl<'a> Work<'a> {
             times,
             samples,
             levels: levels(n),
-            instants: parallel::map(threads, n + 1, |k| scene.instant(times[k])),
+            instants: threads::indexed(threads, n + 1, |k| scene.instant(times[k])),
             tiles: scene.tiles(),
             paces: Vec::new(),
             images: (0..=n).map(|_| None).collect(),
@@ -171,7 +171,7 @@ impl<'a> Work<'a> {
         guesses.put(&self.tiles, &mut light);
         let others: Vec<usize> = (0..self.paces.len()).filter(|&t| self.paces[t].rendered < level).collect();
         let motions: Vec<_> = (0..level).map(|l| self.around(k, l, &others, level)).collect();
-        let made = parallel::map(threads, others.len(), |i| {
+        let made = threads::indexed(threads, others.len(), |i| {
             let pace = self.paces[others[i]];
             match (&motions[pace.rendered], pace.carried >= level) {
                 (Some(motions), true) => self.carried(others[i], k, motions),

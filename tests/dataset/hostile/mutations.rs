@@ -1,5 +1,6 @@
 //! What a stranger may change in a folder.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::os::unix::fs::{MetadataExt as _, symlink};
 use std::path::{Path, PathBuf};
@@ -35,12 +36,14 @@ impl Random {
 /// Changes one to three things in the folder `work` and returns what was changed.
 pub(super) fn apply(random: &mut Random, work: &Path, around: &Path) -> Vec<String> {
     let mut changes = Vec::new();
-    for _ in 0..=random.below(3) {
-        changes.push(match random.below(8) {
-            0..=3 => value(random, work, around),
-            4 => link(random, work, around),
-            5 => kind(random, work),
-            6 => cut(random, work),
+    // More changes make it likelier that the first one read ends the command.
+    for _ in 0..*random.of(&[1, 1, 1, 1, 2, 2, 3]) {
+        changes.push(match random.below(16) {
+            0..=6 => aimed(random, work, around),
+            7..=8 => value(random, work, around),
+            9..=11 => link(random, work, around),
+            12..=13 => kind(random, work),
+            14 => cut(random, work),
             _ => bytes(random, work),
         });
     }
@@ -118,11 +121,11 @@ fn name(random: &mut Random, around: &Path) -> String {
         "%2e%2e",
         "\u{202e}x",
     ];
-    match random.below(6) {
+    match random.below(10) {
         0 => format!("{up}around/home/alice"),
         1 => format!("{up}around/secret.txt"),
-        2 => around.join(*random.of(&["secret.txt", "home/alice", "stream.dat"])).display().to_string(),
-        3 => "x".repeat(*random.of(&[255, 256, 5000, 1 << 20])),
+        2..=6 => around.join(*random.of(&["secret.txt", "home/alice", "home/alice"])).display().to_string(),
+        7 => "x".repeat(*random.of(&[255, 256, 5000, 1 << 20])),
         _ => (*random.of(&fixed)).to_owned(),
     }
 }
@@ -147,6 +150,62 @@ fn number(random: &mut Random) -> Value {
         1 => Value::from(*random.of(&[1e300, -1e300, 0.5, 1e19, f64::MIN_POSITIVE])),
         _ => Value::from(*random.of(&whole)),
     }
+}
+
+/// Keys whose text becomes a path, and keys whose number becomes a size or a loop.
+const NAMES: [&str; 7] = ["id", "path", "file", "folder", "shard", "split", "input"];
+const COUNTS: [&str; 9] =
+    ["sequences", "per_shard", "shards", "bytes", "offset", "readouts", "readout", "clear_readout", "every"];
+
+/// Another name or count in one of the keys that become paths, sizes or loops.
+fn aimed(random: &mut Random, work: &Path, around: &Path) -> String {
+    let mut found: Vec<(String, PathBuf, usize, String)> = Vec::new();
+    for path in files(work, &["json", "jsonl"]) {
+        let Some(text) = own(&path).and_then(|bytes| String::from_utf8(bytes).ok()) else { continue };
+        let whole = path.extension().is_some_and(|ending| ending == "json");
+        let lines: Vec<&str> = if whole { vec![&text] } else { text.lines().collect() };
+        for (number, line) in lines.into_iter().enumerate() {
+            let Ok(value) = serde_json::from_str::<Value>(line) else { continue };
+            let mut places = Vec::new();
+            collect(&value, String::new(), &mut places);
+            for place in places {
+                let key = place.rsplit('/').next().unwrap_or_default().to_owned();
+                if NAMES.contains(&&*key) || COUNTS.contains(&&*key) {
+                    found.push((key, path.clone(), number, place));
+                }
+            }
+        }
+    }
+    let keys: BTreeSet<String> = found.iter().map(|(key, ..)| key.clone()).collect();
+    let mut keys: Vec<String> = keys.into_iter().collect();
+    let paths: Vec<String> = keys.iter().filter(|key| NAMES[..3].contains(&key.as_str())).cloned().collect();
+    keys.extend([paths.clone(), paths].concat());
+    if keys.is_empty() {
+        return value(random, work, around);
+    }
+    // The key first: labels have hundreds of the same, a plan one of each.
+    let key = random.of(&keys).clone();
+    found.retain(|(own, ..)| *own == key);
+    let (_, path, number_of_line, place) = random.of(&found).clone();
+    let new: Value = if NAMES.contains(&&*key) { name(random, around).into() } else { number(random) };
+    let said = cut_long(&format!("{}: {place} = {new}", shown(work, &path)));
+    let text = fs::read_to_string(&path).unwrap();
+    let whole = path.extension().is_some_and(|ending| ending == "json");
+    let changed = |line: &str| {
+        let mut value: Value = serde_json::from_str(line).unwrap();
+        *value.pointer_mut(&place).unwrap() = new.clone();
+        value.to_string()
+    };
+    let text = if whole {
+        changed(&text)
+    } else {
+        let lines = text.lines().enumerate();
+        lines
+            .map(|(i, line)| if i == number_of_line { changed(line) } else { line.to_owned() } + "\n")
+            .collect()
+    };
+    fs::write(&path, text).unwrap();
+    said
 }
 
 /// Another value of one key of a text file.
@@ -295,42 +354,50 @@ fn remove(path: &Path) {
 
 /// A path of the folder, or one that a command may make there.
 fn any(random: &mut Random, work: &Path) -> PathBuf {
-    let made = [
-        "lock",
-        "manifest.jsonl",
+    let locks = ["shards/000000/lock", "shards/000001/lock", "lock"];
+    if random.below(4) == 0 && fs::symlink_metadata(work.join("plan.json")).is_ok() {
+        return work.join(random.of(&locks));
+    }
+    let planned = [
         "shards",
-        "sequences",
-        "train",
-        "train/spike",
-        "test",
-        "validation",
-        "spikecv",
-        "gt",
-        "shards/000000/lock",
         "shards/000000/sequences",
-        "shards/000001",
-        "shards/000001/lock",
-        "shards/000000.tar",
-        "shards/000001/sequences",
         "shards/000000/journal.jsonl",
+        "shards/000000.tar",
+        "shards/000001",
+        "shards/000001/sequences",
         "shards/000001/journal.jsonl",
-        "croissant.json",
+        "shards/000001/sequences/.scene-0001.partial",
+    ];
+    let listed = [
+        "manifest.jsonl",
+        "sequences",
         "sequences/.scene-0000.partial",
-        "train/.coco-images.partial",
-        "train/.coco-annotations.partial",
+        "train",
+        "test",
+        "train/spike",
+        "test/gt",
         "train/kitti",
         "train/mot",
-        "config.yaml",
-        "DATASHEET.md",
-        "shards/000001/sequences/.scene-0001.partial",
+        "spikecv",
+        "train/.coco-images.partial",
+        "train/.coco-annotations.partial",
+        "train/.coco.json.partial",
         "train/spike/.scene-0000.dat.partial",
+        "test/spike/.scene-0001.dat.partial",
         "train/spike/scene-0000.dat",
-        "out",
-        "out.dat",
-        "c.images",
+        "config.yaml",
+        "croissant.json",
+        "DATASHEET.md",
     ];
+    let streams = ["out.dat", "out.json", "c.images", "c.dat", "c.clean.dat", "gain.npy", "out", "plan.json"];
+    let is = |name: &str| fs::symlink_metadata(work.join(name)).is_ok();
+    let made: &[&str] = match random.below(2) {
+        0 if is("plan.json") => &planned,
+        _ if is("plan.json") || is("manifest.jsonl") => &listed,
+        _ => &streams,
+    };
     let all = paths(work);
-    if all.is_empty() || random.below(2) == 0 { work.join(random.of(&made)) } else { random.of(&all).clone() }
+    if all.is_empty() || random.below(3) > 0 { work.join(random.of(made)) } else { random.of(&all).clone() }
 }
 
 /// A link in the place of a file or folder.
@@ -341,15 +408,15 @@ fn link(random: &mut Random, work: &Path, around: &Path) -> String {
         return "nothing".to_owned();
     }
     let own = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let target = match random.below(9) {
-        0 => around.join("secret.txt"),
-        1 => around.join("home/alice"),
-        2 => around.join("empty"),
-        3 => PathBuf::from(own),
-        4 => around.join("empty/new"),
-        5 => PathBuf::from(*random.of(&[".", "..", "../.."])),
-        6 => PathBuf::from("/dev/zero"),
-        7 => random.of(&paths(work)).clone(),
+    let target = match random.below(12) {
+        0..=2 => around.join("secret.txt"),
+        3..=4 => around.join("home/alice"),
+        5 => around.join("empty"),
+        6 => PathBuf::from(own),
+        7 => around.join("empty/new"),
+        8 => PathBuf::from(*random.of(&[".", "..", "../.."])),
+        9 => PathBuf::from("/dev/zero"),
+        10 => random.of(&paths(work)).clone(),
         // What was there, moved out of the folder: a link as version control of data makes it.
         _ => {
             let moved = around.join("moved");

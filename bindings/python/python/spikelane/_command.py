@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 
 from . import _native
@@ -9,6 +10,9 @@ from . import _native
 
 def main() -> int:
     """Runs the program with this process's arguments and returns its exit code."""
+    # The program handles Ctrl-C itself. Python's handler would print a traceback after it.
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     return _native.command(["spikelane", *sys.argv[1:]])
 
 

@@ -7,8 +7,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
 use crate::cli::shared::output::Out;
-use crate::cli::shared::progress::{Stop, stop_flag};
+use crate::cli::shared::progress::{Stop, left, stop_flag};
 use crate::dataset::Progress;
+use crate::error::printable;
 use crate::report::with_known;
 use crate::{Error, Kind, Result};
 
@@ -20,17 +21,18 @@ pub(super) struct Watcher {
     out: Out,
     stop: Stop,
     pub bar: ProgressBar,
+    start: Instant,
     said: Instant,
 }
 
 impl Watcher {
     pub(crate) fn new(out: &Out) -> Result<Self> {
         let bar = ProgressBar::new(1000);
-        if let Ok(style) = ProgressStyle::with_template("{wide_bar} {msg} {percent} %, {elapsed}, {eta} left")
-        {
+        if let Ok(style) = ProgressStyle::with_template("{wide_bar} {msg}") {
             bar.set_style(style);
         }
-        Ok(Self { out: *out, stop: stop_flag()?, bar, said: Instant::now() })
+        let now = Instant::now();
+        Ok(Self { out: *out, stop: stop_flag()?, bar, start: now, said: now })
     }
 
     /// Refuses to go on when that was asked for.
@@ -45,9 +47,11 @@ impl Watcher {
     pub(super) fn step(&mut self, p: Progress<'_>) -> Result<()> {
         self.go_on()?;
         let inside = p.total.map_or(0.0, |n| p.readouts as f64 / n.max(1) as f64);
-        self.bar.set_position(((p.index as f64 + inside) / p.of as f64 * 1000.0) as u64);
+        let share = (p.index as f64 + inside) / p.of as f64;
         let what = if p.verifying { "verify" } else { p.id };
-        self.bar.set_message(format!("{what} {}/{}", p.index + 1, p.of));
+        let (what, left) = (printable(what), left(share, self.start.elapsed()));
+        self.bar.set_message(format!("{what} {}/{}, {:.0} %{left}", p.index + 1, p.of, 100.0 * share));
+        self.bar.set_position((share * 1000.0) as u64);
         if self.said.elapsed() < PERIOD {
             return Ok(());
         }

@@ -7,8 +7,8 @@ use crate::cli::shared::picture::moments;
 use crate::cli::shared::progress::{Progress, stop_flag};
 use crate::formats::Reader;
 use crate::reconstruct::Reference;
+use crate::threads;
 use crate::{Error, Kind, Result};
-use rayon::prelude::*;
 use serde_json::json;
 
 use super::args::Args;
@@ -171,8 +171,8 @@ fn judge(
 ) -> Result<Vec<Vec<Picture>>> {
     let mut progress = Progress::of(out, stop_flag()?, "moments");
     let mut all = Vec::with_capacity(moments.len());
-    for batch in moments.chunks(BATCH * rayon::current_num_threads()) {
-        let ready: Vec<_> = batch.par_iter().map(|moment| one(args, reader, originals, moment)).collect();
+    for batch in moments.chunks(BATCH * threads::count()) {
+        let ready: Vec<_> = threads::map(batch, |moment| one(args, reader, originals, moment));
         for (moment, pictures) in batch.iter().zip(ready) {
             let pictures = pictures?;
             out.event(&json!({

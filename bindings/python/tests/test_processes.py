@@ -1,0 +1,255 @@
+"""Child processes by fork, spawn and forkserver; arrays that others change; Ctrl-C."""
+
+from __future__ import annotations
+
+import copy
+import multiprocessing
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import spikelane as sl
+
+HEIGHT, WIDTH = 24, 32
+# Only a child that hangs takes this long.
+PATIENCE_S = 300
+
+posix = pytest.mark.skipif(os.name != "posix", reason="processes and signals as POSIX has them")
+
+
+def _simulator(threads: int = 1) -> sl.Simulator:
+    return sl.Simulator(sl.Camera.preset("physical").resized(HEIGHT, WIDTH), seed=7, threads=threads)
+
+
+def _light() -> np.ndarray:
+    return np.full((HEIGHT, WIDTH), 90, np.uint8)
+
+
+def _everything(folder: str) -> None:
+    """Calls every function whose work is shared by threads."""
+    # Large enough for several bands and tiles.
+    camera = sl.Camera.preset("physical").resized(72, 128)
+    light = np.full((72, 128), 90, np.uint8)
+    packed = sl.Simulator(camera, threads=2).push(light, 300)
+    sl.measure(packed, 72, 128)
+    path = Path(folder) / f"{os.getpid()}.dat"
+    sl.write_stream(path, packed, height=72, width=128, readout_hz=20_000)
+    sl.measure(path)
+    clips = np.stack([light[None], light[None]])
+    sl.simulate_batch(camera, clips, 20, sequences=range(2), threads=2)
+    scene = sl.Scene(3, 32, 48)
+    scene.render(0.1, threads=2)
+    scene.clip(0.1, 2, 100.0, threads=2)
+    sl.tfp(packed, 72, 128, 100, 20)
+
+
+@posix
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_forked_children_run_all_parallel_work_after_the_parent(tmp_path):
+    _everything(str(tmp_path))
+    context = multiprocessing.get_context("fork")
+    children = [context.Process(target=_everything, args=(str(tmp_path),)) for _ in range(2)]
+    for child in children:
+        child.start()
+    for child in children:
+        child.join(PATIENCE_S)
+    codes = [child.exitcode for child in children]
+    for child in children:
+        child.kill()
+    assert codes == [0, 0]
+
+
+def _mean_rate(packed: np.ndarray) -> float:
+    return sl.measure(packed, HEIGHT, WIDTH)["mean-rate"].value
+
+
+@posix
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_forked_pool_of_three_measures(tmp_path):
+    packed = _simulator().push(_light(), 400)
+    expected = _mean_rate(packed)
+    with multiprocessing.get_context("fork").Pool(3) as pool:
+        assert pool.map_async(_mean_rate, [packed] * 6).get(PATIENCE_S) == [expected] * 6
+
+
+def _used(objects: tuple[sl.Stream, sl.Scene, sl.Simulator]) -> list[np.ndarray]:
+    stream, scene, simulator = objects
+    return [stream[3:9], scene.render(0.2).light, simulator.push(_light(), 10)]
+
+
+@pytest.mark.parametrize("method", ["spawn", "forkserver"])
+def test_stream_scene_and_simulator_go_to_other_processes(method, tmp_path):
+    if method not in multiprocessing.get_all_start_methods():
+        pytest.skip(f"no {method} here")
+    path = tmp_path / "a.dat"
+    simulator = _simulator()
+    sl.write_stream(path, simulator.push(_light(), 20), height=HEIGHT, width=WIDTH)
+    scene = sl.Scene(5, 32, 48, lighting="dusk", duration_s=1.0, vehicles=2)
+    objects = (sl.open_stream(path), scene, simulator)
+    with multiprocessing.get_context(method).Pool(2) as pool:
+        found = pool.map_async(_used, [objects, objects]).get(PATIENCE_S)
+    expected = _used(objects)
+    for arrays in found:
+        for array, right in zip(arrays, expected, strict=True):
+            np.testing.assert_array_equal(array, right)
+
+
+class _Readouts:
+    """A Dataset that holds an open stream, as users write them."""
+
+    def __init__(self, path: Path) -> None:
+        self.stream = sl.open_stream(path)
+
+    def __len__(self) -> int:
+        return len(self.stream)
+
+    def __getitem__(self, index: int) -> np.ndarray:
+        return self.stream[index]
+
+
+@pytest.mark.parametrize("method", ["spawn", "forkserver"])
+def test_a_dataset_with_an_open_stream_works_in_workers_of_torch(method, tmp_path):
+    data = pytest.importorskip("torch.utils.data")
+    path = tmp_path / "a.dat"
+    packed = _simulator().push(_light(), 12)
+    sl.write_stream(path, packed, height=HEIGHT, width=WIDTH)
+    loader = data.DataLoader(_Readouts(path), batch_size=4, num_workers=2, multiprocessing_context=method)
+    np.testing.assert_array_equal(np.concatenate([batch.numpy() for batch in loader]), packed)
+
+
+def test_a_pickled_simulator_goes_on_with_the_same_bits():
+    simulator = sl.Simulator(
+        sl.Camera.preset("physical").resized(HEIGHT, WIDTH), seed=2, camera_seed=3, threads=2, greatest_light=2.0
+    )
+    simulator.push(_light(), 33)
+    simulator.restart(sequence=9)
+    simulator.push(_light(), 17)
+    for other in (pickle.loads(pickle.dumps(simulator)), copy.deepcopy(simulator)):
+        assert (other.seeds, other.readout) == ((3, 2, 9), 17)
+        before = simulator.state()
+        np.testing.assert_array_equal(other.push(_light(), 50), simulator.push(_light(), 50))
+        simulator.restore(before)
+
+
+def test_a_pickled_stream_keeps_how_it_was_opened_and_a_closed_one_is_refused(tmp_path, monkeypatch):
+    packed = _simulator().push(_light(), 12)
+    sl.write_stream(tmp_path / "a.dat", packed, height=HEIGHT, width=WIDTH, layout="dat-top", sidecar=False)
+    monkeypatch.chdir(tmp_path)
+    stream = sl.open_stream("a.dat", layout="dat-top", height=HEIGHT, width=WIDTH)
+    text = pickle.dumps(stream)
+    monkeypatch.chdir("/")
+    np.testing.assert_array_equal(pickle.loads(text)[:], packed)
+    stream.close()
+    with pytest.raises(sl.SpikelaneError, match="closed stream"):
+        pickle.dumps(stream)
+
+
+def test_a_pickled_scene_is_the_same_scene():
+    scene = sl.Scene(4, 32, 48, fov_deg=60.0, lighting="night", speed_kmh=50.0, flicker_hz=100.0)
+    other = pickle.loads(pickle.dumps(scene))
+    np.testing.assert_array_equal(other.render(0.5).rgb, scene.render(0.5).rgb)
+
+
+def _views(frame: np.ndarray) -> dict[str, np.ndarray]:
+    """The same frame as memory that Rust must not borrow."""
+    raw = np.zeros(frame.nbytes + 1, np.uint8)
+    unaligned = raw[1:].view(frame.dtype).reshape(frame.shape)
+    unaligned[:] = frame
+    wide = np.zeros((frame.shape[0], 2 * frame.shape[1]), frame.dtype)
+    wide[:, ::2] = frame
+    return {
+        "unaligned": unaligned,
+        "with gaps": wide[:, ::2],
+        "in Fortran order": np.asfortranarray(frame),
+        "turned over": frame[::-1].copy()[::-1],
+        "read-only": np.frombuffer(frame.tobytes(), frame.dtype).reshape(frame.shape),
+    }
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("copied", [True, False])
+def test_light_in_any_memory_gives_the_same_bits(dtype, copied):
+    scale = {np.uint8: 255, np.uint16: 65535, np.float32: 1}[dtype]
+    frame = (np.linspace(0.05, 0.9, HEIGHT * WIDTH).reshape(HEIGHT, WIDTH) * scale).astype(dtype)
+    expected = _simulator().push(frame, 60)
+    for name, view in _views(frame).items():
+        np.testing.assert_array_equal(_simulator().push(view, 60, copy=copied), expected, err_msg=name)
+        one = sl.simulate_batch(
+            _simulator().camera, [view[None]], 60, sequences=[0], seed=7, bits=False, copy=copied
+        )
+        np.testing.assert_array_equal(one[0], expected, err_msg=name)
+        np.testing.assert_array_equal(sl.light_at(view, [0]), sl.light_at(frame, [0]), err_msg=name)
+
+
+@pytest.mark.parametrize("dtype", [">u2", ">f4"])
+def test_light_of_the_other_byte_order_is_refused(dtype):
+    with pytest.raises(sl.SpikelaneTypeError, match="astype"):
+        _simulator().push(np.zeros((HEIGHT, WIDTH), dtype), 10)
+
+
+def test_light_that_changes_during_a_call_does_not_change_the_call():
+    light = np.full((250, 400), 0.3, np.float32)
+    camera = sl.Camera.preset("physical")
+    expected = sl.Simulator(camera).push(light.copy(), 1500)
+
+    def spoil(done: float, total: float) -> None:
+        light[:] = np.nan
+
+    np.testing.assert_array_equal(sl.Simulator(camera).push(light, 1500, progress=spoil), expected)
+    assert np.isnan(light).all()
+
+
+def _interrupt_when_called(delay_s: float) -> threading.Timer:
+    timer = threading.Timer(delay_s, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    return timer
+
+
+@posix
+def test_ctrl_c_stops_a_clip_of_a_batch_between_its_readouts():
+    clips = np.full((2, 1, 250, 400), 90, np.uint8)
+    out = np.empty((2, 100_000, 12_500), np.uint8)
+    for threads in (1, 2):
+        timer = _interrupt_when_called(0.3)
+        with pytest.raises(KeyboardInterrupt):
+            camera = sl.Camera.preset("physical")
+            sl.simulate_batch(camera, clips, 100_000, sequences=range(2), threads=threads, bits=False, out=out)
+        timer.join()
+
+
+@posix
+@pytest.mark.parametrize("threads", [1, 2])
+def test_ctrl_c_stops_the_rendering_of_a_picture(threads):
+    scene = sl.Scene(3, 3000, 4000)
+    timer = _interrupt_when_called(0.2)
+    with pytest.raises(KeyboardInterrupt):
+        scene.render(0.1, samples=16, threads=threads)
+    timer.join()
+
+
+@posix
+def test_the_program_of_the_package_ends_with_130_and_no_traceback(tmp_path):
+    words = ["record", "-o", "r", "--readouts", "200000"]
+    child = subprocess.Popen(
+        [sys.executable, "-m", "spikelane", "--json", *words],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # A job in the background ignores Ctrl-C otherwise.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    assert child.stdout is not None
+    assert "progress" in child.stdout.readline()
+    child.send_signal(signal.SIGINT)
+    _, said = child.communicate()
+    assert child.returncode == 130, said
+    assert "stopped on request" in said and "Traceback" not in said
+    assert not list(tmp_path.glob("r/.*"))
