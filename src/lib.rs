@@ -35,8 +35,11 @@
 //! `docs/README.md` lists the pages by what a reader asks: guides, reference, why it
 //! can be trusted, and what was tried on the way.
 
-// What is public for this crate's own benches and tests alone is linted with them.
-#![cfg_attr(not(feature = "internals"), allow(unreachable_pub, dead_code, unused_imports))]
+// What is public for this crate's own benches and tests alone is linted with them, and with the program, which uses all of it.
+#![cfg_attr(
+    not(all(feature = "internals", feature = "cli")),
+    allow(unreachable_pub, dead_code, unused_imports)
+)]
 
 #[cfg(all(feature = "files", feature = "threads"))]
 pub mod calibrate;

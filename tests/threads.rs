@@ -33,7 +33,7 @@ fn checks<T>(work: impl FnOnce() -> Result<T>) -> usize {
 /// In one test, since it looks at the whole process.
 #[test]
 fn no_work_of_the_library_starts_the_global_pool() {
-    let camera = camera(96, 64);
+    let camera = camera(48, 32);
     let geometry = camera.sensor.geometry;
     let mut simulator = Simulator::new(&camera, Seeds::default()).unwrap().with_threads(2).unwrap();
     let mut packed = vec![0; 400 * geometry.frame_bytes()];
@@ -41,7 +41,7 @@ fn no_work_of_the_library_starts_the_global_pool() {
     let reader = Reader::from_bytes("packed", packed, Some(Layout::DatTop), Some(geometry)).unwrap();
     Recording::of_stream(&reader, &mut |_| {}).unwrap().said().unwrap();
     let folder = tempfile::tempdir().unwrap();
-    let set = Protocol::recommended(1500)
+    let set = Protocol::recommended(4000)
         .record(&camera, Seeds::default(), folder.path(), false, &mut |_, _| {})
         .unwrap();
     let set = RecordingSet::open(&set).unwrap();

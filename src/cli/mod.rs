@@ -53,13 +53,13 @@ fn dispatch(command: Option<Command>, out: &Out) -> Result<()> {
         None => first_run::run(out),
         Some(Command::Simulate(args)) => stoppable(UNFINISHED, || simulate::run(&args, out)),
         Some(Command::Live(args)) => live::run(&args, out),
-        Some(Command::Inspect(args)) => inspect::run(&args, out),
+        Some(Command::Inspect(args)) => stoppable(NOTHING, || inspect::run(&args, out)),
         Some(Command::Convert(args)) => stoppable(UNFINISHED, || convert::run(&args, out)),
         Some(Command::Verify(args)) => verify::run(&args, out),
         Some(Command::Partials(args)) => partials::run(&args, out),
         Some(Command::Reconstruct(args)) => stoppable(UNFINISHED, || reconstruct::run(&args, out)),
         Some(Command::Evaluate(args)) => stoppable(NOTHING, || evaluate::run(&args, out)),
-        Some(Command::Preset(args)) => preset::run(&args, out),
+        Some(Command::Preset(args)) => stoppable(NOTHING, || preset::run(&args, out)),
         Some(Command::Effects(args)) => effects::run(&args, out),
         Some(Command::Measure(args)) => stoppable(NOTHING, || measure::run(&args, out)),
         Some(Command::Calibrate(args)) => stoppable(NOTHING, || calibrate::run(&args, out)),
@@ -70,6 +70,6 @@ fn dispatch(command: Option<Command>, out: &Out) -> Result<()> {
         Some(Command::Dataset(args)) => dataset::run(&args, out),
         Some(Command::Bench(args)) => bench::run(&args, out.json()),
         Some(Command::Completions(args)) => completions::run(&args, help::command(), out),
-        Some(Command::Man(args)) => man::run(&args, help::command(), out),
+        Some(Command::Man(args)) => stoppable(UNFINISHED, || man::run(&args, help::command(), out)),
     }
 }

@@ -11,9 +11,13 @@ mod file;
 mod lines;
 mod memory;
 mod names;
+#[cfg(feature = "files")]
+mod stdin;
 
 pub(crate) use file::{Cursor, InputFile, MAX_TEXT_BYTES, if_found, read_bytes, read_text, read_text_up_to};
 pub(crate) use lines::Lines;
 pub(crate) use memory::{buffer, zeroed};
 pub(crate) use names::Access;
 pub use names::{InnerPath, PlainName};
+#[cfg(feature = "files")]
+pub(crate) use stdin::Stdin;

@@ -2,6 +2,8 @@
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use super::fit::Fit;
 use super::frame::Source;
@@ -10,6 +12,7 @@ use super::scaled::scaled;
 use super::transfer::Transfer;
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
+use crate::inputs::Stdin;
 use crate::light::arrays::npy;
 use crate::light::arrays::npy::Array;
 use crate::light::arrays::npz;
@@ -50,6 +53,8 @@ pub struct InputOptions {
     pub moving: Option<Moving>,
     /// The number in an array that is full scale; `None` for 255, 65535, true or 1.0.
     pub scale: Option<f64>,
+    /// A request to stop, which ends the wait for standard input; `None` waits for its end.
+    pub stop: Option<Arc<AtomicBool>>,
 }
 
 crate::setters::with_methods!(InputOptions {
@@ -59,6 +64,7 @@ crate::setters::with_methods!(InputOptions {
     with_transfer: transfer: Option<Transfer>,
     with_moving: moving: Option<Moving>,
     with_scale: scale: Option<f64>,
+    with_stop: stop: Option<Arc<AtomicBool>>,
 });
 
 impl InputOptions {
@@ -66,7 +72,7 @@ impl InputOptions {
     #[must_use]
     pub fn new(camera: Geometry) -> Self {
         let front_end = FrontEnd::default();
-        Self { camera, fit: Fit::Resize, front_end, transfer: None, moving: None, scale: None }
+        Self { camera, fit: Fit::Resize, front_end, transfer: None, moving: None, scale: None, stop: None }
     }
 
     /// The size and the front end of `camera`, everything else by default.
@@ -107,7 +113,9 @@ pub struct Moving {
 /// anything but one image; otherwise as the source of its kind.
 pub fn open(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
     if path.as_os_str() == "-" {
-        return open_reader(Box::new(std::io::stdin()), "standard input", options);
+        let stdin = Stdin::new(options.stop.clone().unwrap_or_default());
+        let stdin = stdin.map_err(|e| Error::io("standard input", e))?;
+        return open_reader(Box::new(stdin), "standard input", options);
     }
     by_kind(path, options).map(scaled)
 }

@@ -124,21 +124,19 @@ pub fn load_with(name_or_path: &str, effects: &Catalogue) -> Result<Camera> {
     if !name_or_path.ends_with(".toml") && !path.is_file() {
         return builtin(name_or_path);
     }
-    open_with(path, effects)
+    effects.open(path)
 }
 
-/// The camera of the file at `path`, with the maps beside it.
-///
-/// # Errors
-/// When it cannot be read, is no regular file or larger than 16 MiB, or describes no camera.
-pub fn open(path: &Path) -> Result<Camera> {
-    open_with(path, &Catalogue::new())
-}
-
-fn open_with(path: &Path, effects: &Catalogue) -> Result<Camera> {
-    let text = inputs::read_text(path, "a camera file")?;
-    let folder = path.parent().unwrap_or(Path::new("."));
-    parse_with(&text, Some(folder), effects).map_err(|e| e.within(path.display()))
+impl Catalogue {
+    /// Reads the camera file at `path`, which may have any of these effects, with the maps beside it.
+    ///
+    /// # Errors
+    /// When it cannot be read, is no regular file or larger than 16 MiB, or describes no camera.
+    pub fn open(&self, path: &Path) -> Result<Camera> {
+        let text = inputs::read_text(path, "a camera file")?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        parse_with(&text, Some(folder), self).map_err(|e| e.within(path.display()))
+    }
 }
 
 #[cfg(test)]

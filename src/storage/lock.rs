@@ -26,17 +26,13 @@ pub(super) struct LockFile {
 const TEXT: &str = "process ";
 
 impl LockFile {
-    /// Takes the lock on the output `output`, whose folder has to exist.
+    /// Takes the lock on the output `output`, whose folder has to exist. Errors name `whole`, what is locked as a whole: the
+    /// output itself, or a folder.
     ///
     /// # Errors
     /// [`Kind::Busy`] when another process holds it; [`Kind::Exists`] when something that is no file has the
     /// name of the lock file; what the operating system refuses.
-    pub(super) fn take(output: &Path) -> Result<Self> {
-        Self::take_for(output, output)
-    }
-
-    /// As [`take`](Self::take), with the name of what is locked as a whole, such as a folder.
-    pub(super) fn take_for(output: &Path, whole: &Path) -> Result<Self> {
+    pub(super) fn take(output: &Path, whole: &Path) -> Result<Self> {
         let path = &*place(output);
         let refused = |e| Error::io(path.display(), e);
         for attempt in 0..TRIES {
@@ -168,12 +164,12 @@ mod tests {
     fn one_process_holds_a_lock_and_its_file_goes_with_it() {
         let folder = tempfile::tempdir().unwrap();
         let output = folder.path().join("run.dat");
-        let held = LockFile::take(&output).unwrap();
+        let held = LockFile::take(&output, &output).unwrap();
         assert_eq!(is_held(&place(&output)), Some(true));
-        assert_eq!(LockFile::take(&output).unwrap_err().kind(), Kind::Busy);
+        assert_eq!(LockFile::take(&output, &output).unwrap_err().kind(), Kind::Busy);
         drop(held);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
-        LockFile::take(&output).unwrap();
+        LockFile::take(&output, &output).unwrap();
     }
 
     #[test]
@@ -184,7 +180,7 @@ mod tests {
             let other = folder.path().join("other");
             fs::write(&other, text).unwrap();
             fs::hard_link(&other, place(&output)).unwrap();
-            drop(LockFile::take(&output).unwrap());
+            drop(LockFile::take(&output, &output).unwrap());
             assert_eq!(fs::read_to_string(&other).unwrap(), text);
             assert!(!place(&output).exists());
         }
@@ -195,7 +191,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let output = folder.path().join("run.dat");
         fs::write(place(&output), "mine").unwrap();
-        assert_eq!(LockFile::take(&output).unwrap_err().kind(), Kind::Exists);
+        assert_eq!(LockFile::take(&output, &output).unwrap_err().kind(), Kind::Exists);
         assert_eq!(fs::read(place(&output)).unwrap(), b"mine");
     }
 
@@ -207,7 +203,7 @@ mod tests {
         let other = folder.path().join("other");
         fs::write(&other, "mine").unwrap();
         std::os::unix::fs::symlink(&other, place(&output)).unwrap();
-        assert_eq!(LockFile::take(&output).unwrap_err().kind(), Kind::Exists);
+        assert_eq!(LockFile::take(&output, &output).unwrap_err().kind(), Kind::Exists);
         assert_eq!(fs::read(&other).unwrap(), b"mine");
     }
 
@@ -223,7 +219,7 @@ mod tests {
             for _ in 0..8 {
                 scope.spawn(|| {
                     for _ in 0..20 {
-                        if let Ok(lock) = LockFile::take(&output) {
+                        if let Ok(lock) = LockFile::take(&output, &output) {
                             assert_eq!(inside.fetch_add(1, Ordering::SeqCst), 0);
                             taken.fetch_add(1, Ordering::SeqCst);
                             std::thread::yield_now();

@@ -58,7 +58,7 @@ impl OutputSet {
 }
 
 fn lock(file: &Path, whole: &Path) -> Result<LockFile> {
-    LockFile::take_for(file, whole).map_err(|e| match e.io_error().map(std::io::Error::kind) {
+    LockFile::take(file, whole).map_err(|e| match e.io_error().map(std::io::Error::kind) {
         Some(ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem) => {
             let found = e.parts().found.to_owned();
             unwritable(directory(file), found)

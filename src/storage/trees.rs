@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 #[cfg(test)]
 use super::steps::record;
 use super::steps::{io, sync_file, sync_folder};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::inputs::{Access, InnerPath};
 use crate::threads;
 

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use rayon::iter::{IntoParallelIterator, ParallelIterator as _};
 
-use super::pool::{Pool, entered};
-use super::stop::{self, Entered};
+use super::pool::Pool;
+use super::stop::{self, checked, entered};
 use crate::error::Result;
 
 /// Time between two calls of an observer, and between two looks at a request to stop.
@@ -81,14 +81,4 @@ pub(crate) fn run_observed<T: Send>(observe: &mut dyn FnMut(), work: impl FnOnce
         }
     });
     out.unwrap_or_else(|| unreachable!("a scope ends when its work has"))
-}
-
-/// `work` on whichever thread, under the request to stop of this one, which it checks before each item.
-pub(super) fn checked<I, T>(work: impl Fn(I) -> T + Sync + Send) -> impl Fn(I) -> T + Sync + Send {
-    let request = stop::current();
-    move |item| {
-        let _entered = Entered::new(request.clone());
-        stop::check();
-        work(item)
-    }
 }

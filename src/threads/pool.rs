@@ -8,9 +8,8 @@ use std::thread::{Builder, JoinHandle};
 use rayon::iter::{IndexedParallelIterator as _, IntoParallelIterator as _, ParallelIterator as _};
 use rayon::{ThreadBuilder, ThreadPool, ThreadPoolBuilder};
 
-use super::parallel;
 use super::spawn::STACK_BYTES;
-use super::stop;
+use super::stop::{checked, entered};
 use crate::error::{Error, Kind, Result};
 
 /// The most threads of a pool.
@@ -83,7 +82,7 @@ impl Pool {
         if self.threads == 1 {
             return items.into_iter().for_each(work);
         }
-        self.run(|| items.into_par_iter().with_max_len(1).for_each(parallel::checked(work)));
+        self.run(|| items.into_par_iter().with_max_len(1).for_each(checked(work)));
     }
 
     /// Runs `work` with this pool as the one that rayon's functions use.
@@ -128,22 +127,16 @@ impl fmt::Debug for Pool {
     }
 }
 
-/// `work` on another thread, under the request to stop of this one.
-pub(super) fn entered<T>(work: impl FnOnce() -> T + Send) -> impl FnOnce() -> T + Send {
-    let request = stop::current();
-    || {
-        let _entered = stop::Entered::new(request);
-        work()
-    }
-}
-
 /// Starts one thread of a pool.
 fn spawn(thread: ThreadBuilder) -> io::Result<JoinHandle<()>> {
     Builder::new().name("work".into()).stack_size(STACK_BYTES).spawn(|| thread.run())
 }
 
 /// As many threads as `spawn` starts, up to `wanted`.
-fn start(mut wanted: usize, spawn: impl Fn(ThreadBuilder) -> io::Result<JoinHandle<()>>) -> Option<ThreadPool> {
+fn start(
+    mut wanted: usize,
+    spawn: impl Fn(ThreadBuilder) -> io::Result<JoinHandle<()>>,
+) -> Option<ThreadPool> {
     while wanted > 0 {
         let mut started = Vec::new();
         let built = ThreadPoolBuilder::new()
@@ -205,7 +198,7 @@ mod tests {
         let sum = std::thread::spawn(|| {
             alone();
             let own = std::thread::current().id();
-            parallel::map(0..100, |i| (i, std::thread::current().id() == own))
+            (0..100).into_par_iter().map(|i| (i, std::thread::current().id() == own)).collect::<Vec<_>>()
         });
         assert_eq!(sum.join().unwrap(), (0..100).map(|i| (i, true)).collect::<Vec<_>>());
     }

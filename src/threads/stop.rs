@@ -74,6 +74,27 @@ pub(super) fn current() -> Option<Arc<Request>> {
     CURRENT.with_borrow(Clone::clone)
 }
 
+/// `work` on another thread, under the request to stop of this one.
+#[cfg(feature = "threads")]
+pub(super) fn entered<T>(work: impl FnOnce() -> T + Send) -> impl FnOnce() -> T + Send {
+    let request = current();
+    || {
+        let _entered = Entered::new(request);
+        work()
+    }
+}
+
+/// `work` on whichever thread, under the request to stop of this one, which it checks before each item.
+#[cfg(feature = "threads")]
+pub(super) fn checked<I, T>(work: impl Fn(I) -> T + Sync + Send) -> impl Fn(I) -> T + Sync + Send {
+    let request = current();
+    move |item| {
+        let _entered = Entered::new(request.clone());
+        check();
+        work(item)
+    }
+}
+
 /// This thread obeys another request for as long as this value lives.
 pub(super) struct Entered(Option<Arc<Request>>);
 
@@ -102,7 +123,14 @@ mod tests {
 
     #[test]
     fn work_that_is_not_stopped_returns_its_result() {
-        assert_eq!(until(|| false, || Ok(check())).unwrap(), ());
+        until(
+            || false,
+            || {
+                check();
+                Ok(())
+            },
+        )
+        .unwrap();
         check();
     }
 
@@ -134,7 +162,13 @@ mod tests {
         let outer = until(
             || false,
             || {
-                let inner = until(|| true, || Ok(check()));
+                let inner = until(
+                    || true,
+                    || {
+                        check();
+                        Ok(())
+                    },
+                );
                 assert_eq!(inner.unwrap_err().kind(), Kind::Interrupted);
                 check();
                 Ok(1)
@@ -148,9 +182,11 @@ mod tests {
     fn a_stop_reaches_parallel_work_on_other_threads() {
         let (_, asked) = nth(2);
         let stopped = until(asked, || {
-            crate::threads::map(0..4, |_| loop {
-                check();
-                std::thread::yield_now();
+            crate::threads::map(0..4, |_| {
+                loop {
+                    check();
+                    std::thread::yield_now();
+                }
             });
             Ok(())
         });
@@ -161,9 +197,11 @@ mod tests {
     fn a_stop_reaches_the_threads_of_indexed_work() {
         let (_, asked) = nth(2);
         let stopped = until(asked, || {
-            crate::threads::indexed(3, 3, |_| loop {
-                check();
-                std::thread::yield_now();
+            crate::threads::indexed(3, 3, |_| {
+                loop {
+                    check();
+                    std::thread::yield_now();
+                }
             });
             Ok(())
         });

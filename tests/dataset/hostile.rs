@@ -161,16 +161,15 @@ fn case(number: u64, base: &Path, top: &Path) -> Vec<String> {
         if names.len() != 2 {
             say(&format!("files beside: {names:?}"));
         }
-        if !follows {
+        // A file that the user names may itself be a link.
+        let is_link = |name: &String| fs::symlink_metadata(work.join(name)).is_ok_and(|m| m.is_symlink());
+        if !follows && !arguments.iter().any(is_link) {
             if ran.output.contains(SECRET) || kind.folder == "stream" && ran.output.contains(&secret) {
                 say("a file outside was read");
             }
             if let Some(path) = holds_secret(&work) {
                 say(&format!("a file outside was copied to {}", path.display()));
             }
-        }
-        if ran.output.chars().any(|c| c.is_control() && c != '\n' && c != '\t') {
-            say("control characters in the output");
         }
     }
     fs::remove_dir_all(place).unwrap();

@@ -83,7 +83,7 @@ fn a_dataset_that_finds_no_room_says_where_and_can_be_gone_on_with() {
     let script = format!("trap '' XFSZ; ulimit -f 16; exec {} {line}", env!("CARGO_BIN_EXE_spikelane"));
     let mut shell = std::process::Command::new("sh");
     let ran = Ran::of(&line, shell.args(["-c", &script]).current_dir(place.path("")).output().unwrap());
-    assert_eq!(ran.code, 5, "{}", ran.stderr);
+    assert_eq!(ran.code, 6, "{}", ran.stderr);
     assert!(ran.stderr.contains("scene-0000") && ran.stderr.contains("os error"), "{}", ran.stderr);
     let left = std::fs::read_dir(place.path("set/sequences")).unwrap().count();
     assert_eq!(left, 0, "something half-written is left");

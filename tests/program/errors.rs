@@ -228,10 +228,16 @@ fn a_full_disk_leaves_nothing() {
 }
 
 #[test]
-fn a_missing_folder_or_input_is_the_systems_word() {
+fn a_missing_input_is_named_and_leaves_no_folder_behind() {
     let place = Place::new();
-    place.refused("simulate --source chart --readouts 5 -o no/such/a", 5, &["no/such/a"]);
-    place.refused("simulate missing.png --readouts 5 -o a", 5, &["missing.png"]);
+    place.refused("simulate missing.png --readouts 5 -o new/a", 5, &["missing.png"]);
     place.refused("inspect missing.dat", 5, &["missing.dat"]);
-    assert!(!exists(&place.path("no")));
+    assert!(!exists(&place.path("new")));
+}
+
+#[test]
+fn a_missing_output_folder_is_made_with_its_parents() {
+    let place = Place::new();
+    place.good("simulate --source chart --readouts 5 -o new/folder/a");
+    assert!(exists(&place.path("new/folder/a.dat")));
 }

@@ -116,6 +116,7 @@ fn without_input() -> Vec<String> {
         "simulate --source chart -o chart --width 32 --height 20 --readouts 10 --force",
         "live --source chart --readouts 60 --width 32 --height 20 --sink shm:./ring",
         "evaluate drives",
+        "partials",
         "preset list",
         "preset show physical",
         "preset show scsim-code",

@@ -174,3 +174,28 @@ fn a_ring_that_is_emptied_ends_the_camera_with_a_code_and_removes_the_name() {
     assert!(ran.stderr.contains("shortened"), "{}", ran.stderr);
     assert!(!ring.exists());
 }
+
+#[test]
+fn a_request_to_stop_ends_the_wait_for_standard_input() {
+    let place = Place::new();
+    let head = "YUV4MPEG2 W8 H8 F25:1 Ip A1:1 Cmono\n";
+    // Before the first byte, and before the first frame.
+    for sent in ["", head] {
+        let line = "simulate - -o o --width 8 --height 8";
+        let mut child = place.command(line).stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut pipe = child.stdin.take().unwrap();
+        std::io::Write::write_all(&mut pipe, sent.as_bytes()).unwrap();
+        // The request is repeated, since the first may come before the program listens.
+        let start = Instant::now();
+        while child.try_wait().unwrap().is_none() {
+            assert!(start.elapsed() < LIMIT, "waits without end");
+            std::thread::sleep(Duration::from_millis(300));
+            Command::new("kill").arg(child.id().to_string()).status().unwrap();
+        }
+        let status = child.wait().unwrap();
+        let by_default = std::os::unix::process::ExitStatusExt::signal(&status) == Some(15);
+        assert!(status.code() == Some(130) || by_default, "{status}");
+        assert!(place.names().is_empty());
+        drop(pipe);
+    }
+}

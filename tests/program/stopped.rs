@@ -374,3 +374,29 @@ jobs! {
     a_stopped_calibrate_leaves_nothing_torn long_calibrate "calibrate",
     a_stopped_diagnose_leaves_nothing_torn long_diagnose "diagnose",
 }
+
+/// `nohup` starts its command so that it ignores SIGHUP.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_hangup_that_was_ignored_from_the_start_stops_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let line =
+        "trap '' HUP; exec \"$0\" simulate --source chart --width 64 --height 48 --readouts 30000 -o out";
+    let mut child = Command::new("sh")
+        .args(["-c", line, env!("CARGO_BIN_EXE_spikelane")])
+        .current_dir(folder.path())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let begun = || {
+        fs::read_dir(folder.path())
+            .unwrap()
+            .flatten()
+            .any(|e| e.path().extension() == Some("partial".as_ref()))
+    };
+    while !begun() && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    Command::new("kill").args(["-HUP", &child.id().to_string()]).status().unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+}

@@ -478,7 +478,7 @@ spl_status spl_simulator_free(spl_simulator *simulator);
  *
  * # Safety
  * `simulator` is NULL or a handle; `frame` is NULL or says the truth; `out` is NULL or has `out_bytes` bytes that can be
- * written and are not the frame's.
+ * written. Memory of the frame that overlaps `out` is refused. No other thread changes either during the call.
  */
 spl_status spl_push(spl_simulator *simulator,
                     const spl_frame *frame,

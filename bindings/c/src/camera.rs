@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use spikelane::spikes::Crop;
-use spikelane::{Geometry, Result, Sensor, effects, presets};
+use spikelane::{Geometry, Result, Sensor, effects};
 
 use crate::error::usage;
 
@@ -14,7 +14,7 @@ pub struct Camera(pub spikelane::Camera);
 
 impl Camera {
     pub fn load(path: &str) -> Result<Self> {
-        presets::open(Path::new(path)).map(Self)
+        effects::Catalogue::new().open(Path::new(path)).map(Self)
     }
 
     pub fn ideal(width: u32, height: u32, readout_hz: f64) -> Result<Self> {

@@ -121,6 +121,6 @@ mod tests {
         let fail = || door(|| Err(usage("a\0b", "c", "d", "e")));
         assert_eq!(fail(), spl_status::SPL_USAGE);
         std::thread::spawn(|| assert_eq!(last_status(), spl_status::SPL_OK)).join().unwrap();
-        LAST.with(|last| assert_eq!(last.borrow().texts[0].to_str(), Ok("a?b: found c, expected d; e")));
+        LAST.with(|last| assert_eq!(last.borrow().texts[0].to_str(), Ok("a\\u{0}b: found c, expected d; e")));
     }
 }

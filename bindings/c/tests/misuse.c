@@ -167,7 +167,7 @@ static void states(void) {
     REFUSED(spl_state_save(s, state, bytes - 1), SPL_USAGE, "spl_state_bytes");
     OK(spl_state_save(s, state, bytes));
     REFUSED(spl_state_restore(t, state, bytes), SPL_USAGE, "another camera");
-    REFUSED(spl_state_restore(s, state, bytes - 1), SPL_INPUT, "saved state");
+    REFUSED(spl_state_restore(s, state, bytes - 1), SPL_CORRUPT, "saved state");
     REFUSED(spl_state_restore(s, state, 3), SPL_USAGE, "other bytes");
     REFUSED(spl_state_restore(s, NULL, bytes), SPL_USAGE, "state: found NULL");
     const spl_seeds another = {1, 2, 4};

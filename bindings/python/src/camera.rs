@@ -115,7 +115,7 @@ impl Camera {
     /// Raises FileNotFoundError, or SpikelaneError when the file describes no camera.
     #[classmethod]
     fn load(_: &Bound<'_, PyType>, path: PathBuf) -> PyResult<Self> {
-        Self::of(spikelane::presets::open(&path).or_raise()?)
+        Self::of(spikelane::effects::Catalogue::new().open(&path).or_raise()?)
     }
 
     /// The camera that the text of a camera file describes; maps it names are looked for in `folder`.

@@ -181,9 +181,7 @@ def test_light_in_any_memory_gives_the_same_bits(dtype, copied):
     expected = _simulator().push(frame, 60)
     for name, view in _views(frame).items():
         np.testing.assert_array_equal(_simulator().push(view, 60, copy=copied), expected, err_msg=name)
-        one = sl.simulate_batch(
-            _simulator().camera, [view[None]], 60, sequences=[0], seed=7, bits=False, copy=copied
-        )
+        one = sl.simulate_batch(_simulator().camera, [view[None]], 60, sequences=[0], seed=7, bits=False, copy=copied)
         np.testing.assert_array_equal(one[0], expected, err_msg=name)
         np.testing.assert_array_equal(sl.light_at(view, [0]), sl.light_at(frame, [0]), err_msg=name)
 

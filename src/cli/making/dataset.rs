@@ -13,6 +13,7 @@ mod watcher;
 use serde_json::json;
 
 use crate::cli::shared::output::{Out, bytes_text};
+use crate::cli::shared::progress::stoppable;
 use crate::dataset::{self, DatasetOptions, Estimate, Report, Work, config};
 use crate::formats::Layout;
 use crate::{Error, Kind, Result};
@@ -67,8 +68,8 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
         Some(Command::Run(args)) => run::run(args, out),
         Some(Command::Status(args)) => status::run(args, out),
         Some(Command::Merge(args)) => merge::run(args, out),
-        Some(Command::Stats(args)) => stats::run(args, out),
-        Some(Command::Preview(args)) => preview::run(args, out),
+        Some(Command::Stats(args)) => stoppable("nothing was written", || stats::run(args, out)),
+        Some(Command::Preview(args)) => stoppable("unfinished files are removed", || preview::run(args, out)),
         None => make(args, out),
     }
 }

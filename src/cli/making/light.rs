@@ -14,6 +14,7 @@ use clap::builder::PossibleValuesParser;
 
 use crate::cli::shared::camera::exact_rate;
 use crate::cli::shared::output::recorded;
+use crate::cli::shared::progress::stop_flag;
 
 /// Light that needs no input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -146,7 +147,11 @@ impl LightArgs {
             return self.moving(camera, readout);
         }
         let path = self.input.clone().unwrap_or_default();
-        let source = open(&path, &self.options(camera, None)).map_err(|e| match e.kind() {
+        let mut options = self.options(camera, None);
+        if path.as_os_str() == "-" {
+            options.stop = Some(stop_flag()?);
+        }
+        let source = open(&path, &options).map_err(|e| match e.kind() {
             // Whose missing tool it is, is not in every such error.
             Kind::Tool if !e.to_string().contains(&*path.to_string_lossy()) => e.within(path.display()),
             _ => e,

@@ -244,6 +244,7 @@ fn shm(name: &str) -> Result<PathBuf> {
 
 /// A FIFO, once somebody reads it.
 fn fifo(path: &Path, stop: &Stop) -> Result<Option<File>> {
+    use rustix::fs::OFlags;
     use std::os::unix::fs::{FileTypeExt as _, OpenOptionsExt as _};
     let io = |e| Error::io(path.display(), e);
     let kind = std::fs::metadata(path).map_err(io)?.file_type();
@@ -253,12 +254,16 @@ fn fifo(path: &Path, stop: &Stop) -> Result<Option<File>> {
             .expected("one that 'mkfifo' made")
             .remedy("for a file use 'simulate'"));
     }
-    let nonblocking = rustix::fs::OFlags::NONBLOCK.bits() as i32;
+    let nonblocking = OFlags::NONBLOCK.bits() as i32;
     let try_open = || File::options().write(true).custom_flags(nonblocking).open(path);
+    // Writes wait, as they do to other pipes. Opening the name again would wait without end if the reader left.
+    let waiting = |file: File| -> std::io::Result<File> {
+        rustix::fs::fcntl_setfl(&file, rustix::fs::fcntl_getfl(&file)? - OFlags::NONBLOCK)?;
+        Ok(file)
+    };
     while !stop.is_raised() {
         match try_open() {
-            // Opened again, since writes to this one would not wait.
-            Ok(_reader_is_there) => return File::options().write(true).open(path).map(Some).map_err(io),
+            Ok(file) => return waiting(file).map(Some).map_err(io),
             Err(e) if e.raw_os_error() == Some(rustix::io::Errno::NXIO.raw_os_error()) => {
                 std::thread::sleep(LOOK);
             }

@@ -46,11 +46,19 @@ pub(crate) fn stop_flag() -> Result<Stop> {
         // The first signal finds the flag down: this handler runs before the one that raises it.
         let at_once = flag::register_conditional_shutdown(SIGINT, code, Arc::clone(stop)).map_err(failed)?;
         handlers.push(at_once);
-        for signal in SIGNALS {
+        for signal in SIGNALS.iter().filter(|signal| !is_ignored(**signal)) {
             handlers.push(flag::register(*signal, Arc::clone(stop)).map_err(failed)?);
         }
     }
     Ok(Arc::clone(stop))
+}
+
+/// Whether the process was started to ignore `signal`, as `nohup` does with SIGHUP. Only Linux shows it.
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).unwrap_or_default();
+    let bit = u32::try_from(signal - 1).ok().and_then(|n| 1_u64.checked_shl(n)).unwrap_or(0);
+    u64::from_str_radix(mask.trim(), 16).unwrap_or(0) & bit != 0
 }
 
 /// Removes the signal handlers at the end of a command. The handlers of a host that runs commands go on; a signal for which it

@@ -11,6 +11,7 @@ use crate::dataset::{Entry, Manifest, Record, Status, frames};
 use crate::error::Result;
 use crate::inputs::{Access, InnerPath};
 use crate::simulate::Sidecar;
+use crate::threads;
 
 pub use page::html;
 
@@ -93,6 +94,7 @@ pub fn stats(folder: &Path, follow_links: bool) -> Result<Stats> {
     let mut stats = Stats { digest: manifest.digest(), ..Stats::default() };
     let mut values: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for entry in &manifest.entries {
+        threads::check();
         match entry.status {
             Status::Done => stats.take(folder, entry, access, &mut values)?,
             Status::Failed => stats.set_aside += 1,

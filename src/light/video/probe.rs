@@ -86,10 +86,15 @@ impl Probe {
             .map_err(|e| missing(&probe, e))?;
         let said = String::from_utf8_lossy(&ran.stderr);
         if !ran.status.success() {
+            let remedy = if said.contains("not on whitelist") {
+                "give the video itself: playlists, and other files that name files, are not read"
+            } else {
+                "try to play it with ffplay"
+            };
             return Err(Error::new(Kind::Tool, name)
                 .found(format_args!("ffprobe ended with {}: {}", ran.status, said.trim()))
                 .expected("a video that ffmpeg can decode")
-                .remedy("try to play it with ffplay"));
+                .remedy(remedy));
         }
         Ok(String::from_utf8_lossy(&ran.stdout).into_owned())
     }

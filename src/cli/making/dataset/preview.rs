@@ -57,6 +57,7 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let chosen = (0..shown).map(|i| done[i * done.len() / shown]);
     let mut video: Option<(Video, Geometry)> = None;
     for entry in chosen {
+        crate::threads::check();
         let folder = entry.unpacked(&args.folder, access)?;
         let open =
             |file: &'static str| Reader::open(&InnerPath::from(file).below(&folder, access)?, None, None);
