@@ -254,7 +254,7 @@ impl Error {
     }
 }
 
-/// The message on one channel to a person. Control characters, which a name or a file may hold, are escaped; see [`printable`].
+/// The message on one channel to a person. Control characters, which a name or a file may hold, are escaped; see `printable`.
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&printable(&self.raw_message()))

@@ -1,11 +1,11 @@
 //! Parallel work, and requests to stop it.
 //!
-//! All parallel work of the library goes through this module: [`map`] and [`join`] run it in a thread pool that belongs to
+//! All parallel work of the library goes through this module: `map` and `join` run it in a thread pool that belongs to
 //! this process alone. A child process of `fork` has none of its parent's threads, so it makes a pool anew. Where the
 //! system limits threads, work runs on as many as there are, at last on the calling thread.
 //!
-//! [`until`] stops work early. The work calls [`check`], which does not return once a stop is requested: it unwinds to
-//! [`until`], and values on the way are dropped as after an error. [`map`] checks before each item.
+//! [`until`] stops work early. The work calls `check`, which does not return once a stop is requested: it unwinds to
+//! [`until`], and values on the way are dropped as after an error. `map` checks before each item.
 
 #[cfg(feature = "threads")]
 mod parallel;
