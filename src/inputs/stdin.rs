@@ -13,7 +13,7 @@ pub(crate) struct Stdin {
     stop: Arc<AtomicBool>,
 }
 
-/// Without a buffer of its own: what lies in one would not be seen by who waits for bytes.
+/// The source has no buffer, since `poll` does not report bytes that already lie in a buffer.
 #[cfg(unix)]
 type Source = std::fs::File;
 #[cfg(not(unix))]

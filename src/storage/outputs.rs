@@ -32,7 +32,7 @@ impl OutputSet {
     #[cfg(feature = "cli")]
     pub(crate) fn claim<P: AsRef<Path>>(files: impl IntoIterator<Item = P>, force: bool) -> Result<Self> {
         let mut files: Vec<PathBuf> = files.into_iter().map(|file| file.as_ref().to_path_buf()).collect();
-        // In one order in every process: of two that want some of the same files one gets all of its own.
+        // Every process claims its files in the same order, so that two processes never each hold a file that the other needs.
         files.sort_unstable();
         files.dedup();
         files.iter().try_for_each(|file| refuse_existing(file, force))?;
