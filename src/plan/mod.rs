@@ -15,6 +15,7 @@ mod moving;
 mod scale;
 mod start;
 mod state;
+mod state_ranges;
 mod steps;
 mod tables;
 mod window;

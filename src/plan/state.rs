@@ -40,9 +40,6 @@ pub(crate) const LOW: usize = 6;
 /// Columns of what lingers.
 const LINGERING: usize = 7;
 
-/// The last readout that a run can reach: 7 million years at 20 kHz.
-const MAX_READOUT: u64 = 1 << 62;
-
 /// A tile's share of the state, as the kernels edit it.
 #[derive(Debug)]
 pub struct StateParts<'a> {
@@ -159,35 +156,6 @@ impl State {
     pub(crate) fn fits(&self, like: &Self) -> bool {
         let common = self.columns().map(Vec::len) == like.columns().map(Vec::len);
         common && self.further().concat().iter().zip(like.further().concat()).all(|(a, b)| a.len() == b.len())
-    }
-
-    /// Returns what no run leaves behind, if this holds such a thing; `pixels` is the number of the plan's pixels.
-    ///
-    /// The kernels rely on these ranges. Any other value is a state that a run may have.
-    pub(crate) fn fault(&self, pixels: usize) -> Option<&'static str> {
-        let is_mask = |column: &[i16]| column.iter().all(|v| matches!(v, 0 | -1));
-        let halves = [SLOW, ADAPTED, LATE].map(|at| (&self.lingering[at], &self.lingering[at + 1]));
-        let are_finite = |(high, low): (&Vec<i16>, &Vec<i16>)| {
-            let word = |(h, l): (&i16, &i16)| u32::from(*h as u16) << 16 | u32::from(*l as u16);
-            high.iter().zip(low).all(|pair| f32::from_bits(word(pair)).is_finite())
-        };
-        // Two bytes of a readout are one value: bits behind the last pixel, and the second byte of an odd last one, are 0.
-        let first = pixels / 16;
-        let padding = |at: usize| if at == first { -1_i16 << (pixels % 16) } else { -1 };
-        let is_padded = (first..self.last.len()).all(|at| self.last[at] & padding(at) == 0);
-        if self.readout > MAX_READOUT {
-            Some("a number of readouts that no run reaches")
-        } else if !is_mask(&self.fired) || !is_mask(&self.lingering[LOW]) {
-            Some("a mark that is neither set nor unset")
-        } else if self.surplus.iter().any(|n| *n < 0) {
-            Some("a surplus below 0")
-        } else if !halves.into_iter().all(are_finite) {
-            Some("a value that is not finite")
-        } else if !is_padded {
-            Some("spikes outside of the sensor")
-        } else {
-            None
-        }
     }
 
     /// The state as bytes, little-endian, with a header that says which parts there are.

@@ -172,7 +172,7 @@ impl Simulator {
         if !state.fits(&self.state) {
             return Err(State::foreign(OTHER_PLAN));
         }
-        if let Some(found) = state.fault(self.plan.geometry().pixels()) {
+        if let Some(found) = state.fault(&self.plan) {
             return Err(State::foreign(found));
         }
         self.state = state;
