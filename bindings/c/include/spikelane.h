@@ -153,6 +153,14 @@ enum spl_status
    */
   SPL_CORRUPT = 9,
   /**
+   * Another process writes this output.
+   */
+  SPL_BUSY = 10,
+  /**
+   * The system has no memory for a size that an input or an argument requires.
+   */
+  SPL_MEMORY = 11,
+  /**
    * A fault of the library. The handles of the call answer nothing more but their _free; please report it.
    */
   SPL_PANIC = 101,

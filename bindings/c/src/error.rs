@@ -67,6 +67,8 @@ fn status(kind: Kind) -> spl_status {
         Kind::Exists => spl_status::SPL_EXISTS,
         Kind::Tool => spl_status::SPL_TOOL,
         Kind::Corrupt => spl_status::SPL_CORRUPT,
+        Kind::Busy => spl_status::SPL_BUSY,
+        Kind::Memory => spl_status::SPL_MEMORY,
         Kind::Interrupted => spl_status::SPL_INTERRUPTED,
         _ => spl_status::SPL_IO,
     }
@@ -102,6 +104,8 @@ mod tests {
             Kind::Exists,
             Kind::Tool,
             Kind::Corrupt,
+            Kind::Busy,
+            Kind::Memory,
             Kind::Interrupted,
         ];
         for kind in kinds {
