@@ -251,3 +251,32 @@ def test_the_program_of_the_package_ends_with_130_and_no_traceback(tmp_path):
     assert child.returncode == 130, said
     assert "stopped on request" in said and "Traceback" not in said
     assert not list(tmp_path.glob("r/.*"))
+
+
+COMMAND = """
+import os, signal, sys
+from spikelane import _native
+if sys.argv[1] == "handler":
+    signal.signal(signal.SIGTERM, lambda *_: print("handled", flush=True))
+if sys.argv[1] == "ignored":
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+for _ in range(2):
+    assert _native.command(["spikelane", "--json", "record", "-o", sys.argv[2], "--readouts", "200", "--force",
+                            "--width", "8", "--height", "8"]) == 0
+os.kill(os.getpid(), signal.SIGTERM)
+print("alive", flush=True)
+"""
+
+
+@posix
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows the actions of signals")
+@pytest.mark.parametrize("action", ["default", "handler", "ignored"])
+def test_a_command_leaves_sigterm_as_it_was(tmp_path, action):
+    words = [sys.executable, "-c", COMMAND, action, str(tmp_path / "set")]
+    child = subprocess.run(words, capture_output=True, text=True, check=False)
+    said = child.stdout.splitlines()[-2:]
+    if action == "default":
+        assert child.returncode == -signal.SIGTERM and "alive" not in said, child.stderr
+    else:
+        assert child.returncode == 0 and said[-1] == "alive", child.stderr
+        assert ("handled" in said) == (action == "handler")

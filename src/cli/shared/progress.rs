@@ -31,6 +31,9 @@ const SIGNALS: &[i32] = &[
 /// The signal handlers of the running command.
 static HANDLERS: Mutex<Vec<SigId>> = Mutex::new(Vec::new());
 
+/// Raised while no command runs: signals whose action was the default have it again.
+static IDLE: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+
 /// A flag that Ctrl-C, SIGTERM and SIGHUP raise, so that unfinished files are removed in order. A second Ctrl-C ends the
 /// process at once.
 ///
@@ -42,29 +45,50 @@ pub(crate) fn stop_flag() -> Result<Stop> {
     if handlers.is_empty() {
         stop.store(false, Ordering::Relaxed);
         let failed = |e| Error::new(Kind::Io, "signal handler").found(e);
+        keep_defaults().map_err(failed)?;
         let code = Kind::Interrupted.exit_code().into();
         // The first signal finds the flag down: this handler runs before the one that raises it.
         let at_once = flag::register_conditional_shutdown(SIGINT, code, Arc::clone(stop)).map_err(failed)?;
         handlers.push(at_once);
-        for signal in SIGNALS.iter().filter(|signal| !is_ignored(**signal)) {
+        for signal in SIGNALS.iter().filter(|signal| !is_in_mask("SigIgn:", **signal)) {
             handlers.push(flag::register(*signal, Arc::clone(stop)).map_err(failed)?);
         }
     }
     Ok(Arc::clone(stop))
 }
 
-/// Whether the process was started to ignore `signal`, as `nohup` does with SIGHUP. Only Linux shows it.
-fn is_ignored(signal: i32) -> bool {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).unwrap_or_default();
+/// Lowers [`IDLE`]. The first call registers, for each signal whose action is the default, a handler that takes this action
+/// while the flag is up: a handler of the system, once installed, cannot be removed by a safe interface.
+fn keep_defaults() -> std::io::Result<()> {
+    if let Some(idle) = IDLE.get() {
+        idle.store(false, Ordering::Relaxed);
+        return Ok(());
+    }
+    let idle = IDLE.get_or_init(Arc::default);
+    let is_default = |signal: i32| !is_in_mask("SigIgn:", signal) && !is_in_mask("SigCgt:", signal);
+    for signal in SIGNALS.iter().filter(|signal| is_default(**signal)) {
+        flag::register_conditional_default(*signal, Arc::clone(idle))?;
+    }
+    Ok(())
+}
+
+/// Whether the process ignores (`SigIgn:`) or handles (`SigCgt:`) `signal`. Only Linux shows it: elsewhere no signal is ignored,
+/// as `nohup` does with SIGHUP, and each is taken for handled, so that no handler of a host is overruled.
+fn is_in_mask(mask: &str, signal: i32) -> bool {
+    let Ok(status) = std::fs::read_to_string("/proc/self/status") else { return mask == "SigCgt:" };
+    let mask = status.lines().find_map(|line| line.strip_prefix(mask)).unwrap_or_default();
     let bit = u32::try_from(signal - 1).ok().and_then(|n| 1_u64.checked_shl(n)).unwrap_or(0);
     u64::from_str_radix(mask.trim(), 16).unwrap_or(0) & bit != 0
 }
 
-/// Removes the signal handlers at the end of a command. The handlers of a host that runs commands go on; a signal for which it
-/// has none is ignored from then on, which no safe interface of the system undoes.
+/// Removes the signal handlers at the end of a command. The handlers of a host that runs commands go on. A signal whose action
+/// was the default has it again.
 pub(crate) fn release_signals() {
-    for handler in HANDLERS.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
+    let mut handlers = HANDLERS.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(idle) = IDLE.get() {
+        idle.store(true, Ordering::Relaxed);
+    }
+    for handler in handlers.drain(..) {
         signal_hook::low_level::unregister(handler);
     }
 }
