@@ -2,19 +2,22 @@
 # What commands do where something is short. Usage: tests/limits.sh [PROGRAM]
 #   Prints a table of exit codes, a row for each command and a column for each limit:
 #     read-only  a folder that may only be read, as user 65534 (needs root and setpriv)
-#     disk       a disk of 192 kB (a tmpfs), or where it cannot be mounted a limit of 64 kB a file
+#     disk       a disk of 192 kB (a tmpfs; needs root), or with ALLOW_SKIP=mount a limit of 64 kB a file
 #     1 thread   RAYON_NUM_THREADS=1, and --threads 1 where the command has it
 #     64 files   ulimit -n 64
 #     512 MB     ulimit -v 524288
+#   ALLOW_SKIP, a comma-separated list, names what may be missing: setpriv (column read-only), mount, python3.
 #   Ends with code 1 for a code that docs/reference/errors.md does not list (a panic, an abort, a signal), for a file that
 #   a failed command left, and for a message without a remedy on a read-only folder or a full disk.
 set -u
 cd "$(dirname "$0")/.."
+. tests/script_inputs.sh
 program=$(realpath "${1:-target/debug/spikelane}")
 listed=" $(sed -n 's/^| \([0-9]*\) |.*/\1/p' docs/reference/errors.md | tr '\n' ' ')"
 work=$(mktemp -d)
 chmod 755 "$work"
 mounted=
+unprivileged=
 finish() {
     [ -z "$mounted" ] || umount "$work/disk"
     rm -rf "$work"
@@ -25,33 +28,14 @@ cd "$work"
 cp "$program" ./spikelane
 program=$work/spikelane
 mount -t tmpfs -o size=192k tmpfs "$work/disk" 2>/dev/null && mounted=yes
+[ "$(id -u)" = 0 ] && command -v setpriv >/dev/null && unprivileged=yes
+[ -n "$unprivileged" ] || allowed setpriv "the column read-only needs root and setpriv"
+[ -n "$mounted" ] || allowed mount "the column disk needs a tmpfs"
 
-small="--width 32 --height 24"
-tiny="--kind tiny --sequences 2 --images 3 --label-every 2 $small"
-python3 - <<'PY'
-import struct, zlib
-def png(name, level):
-    raw = b"".join(b"\0" + bytes([level] * 8) for _ in range(8))
-    chunk = lambda k, d: struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d))
-    open(name, "wb").write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 8, 8, 8, 0, 0, 0, 0))
-                           + chunk(b"IDAT", zlib.compress(raw)) + chunk(b"IEND", b""))
-for i, level in enumerate([0, 80, 160]):
-    png(f"in/p{i}.png", level)
-text = "width = 8\nheight = 8\nreadout_hz = 20000\n"
-for i, light in enumerate([0.0, 0.31, 0.63]):
-    text += f'[[recording]]\nfile = "r{i}.dat"\nlight = {light}\n'
-open("in/set.toml", "w").write(text)
-PY
-quiet() { "$program" "$@" >/dev/null 2>>log || { echo "input failed: $*"; tail -2 log; }; }
-for i in 0 1 2; do
-    quiet simulate in/p$i.png --transfer linear --width 8 --height 8 --readouts 1100 -o in/r$i
-done
+make_inputs
 # 400 kB as a stream, more than the small disk.
 quiet simulate --source chart --width 64 --height 50 --readouts 1000 -o in/a
 quiet dataset plan $tiny -o in/plan --per-shard 1
-quiet dataset plan $tiny -o in/merge --per-shard 1
-quiet dataset run in/merge --shard all
-quiet dataset $tiny -o in/whole
 chmod -R a+rX in
 
 failed=0
@@ -105,7 +89,7 @@ row() {
     printf '%-28s' "$name"
     for column in "${columns[@]}"; do
         printf ' '
-        if [ "$column" = read-only ] && { [ "$(id -u)" != 0 ] || ! command -v setpriv >/dev/null; }; then
+        if [ "$column" = read-only ] && [ -z "$unprivileged" ]; then
             printf '%9s' skipped
             continue
         fi

@@ -1,43 +1,22 @@
 #!/bin/bash
 # Paths that commands open for writing, create, rename, link or remove, as strace sees them: each has to lie below the
 # folder that the user named. Usage: tests/strace.sh [PROGRAM]
-#   Prints a line for each command and ends with code 1 when a path lies elsewhere. Where strace is missing or may not
-#   trace, it prints that and ends with code 0.
+#   Prints a line for each command and ends with code 1 when a path lies elsewhere, and when strace is missing or may not
+#   trace, unless ALLOW_SKIP, a comma-separated list, names strace.
 set -u
 program=$(realpath "${1:-target/debug/spikelane}")
-command -v strace >/dev/null || { echo "skipped: strace is not installed"; exit 0; }
+. "$(dirname "$0")/script_inputs.sh"
+command -v strace >/dev/null || skip strace "strace is not installed"
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-strace -o "$work/probe" true 2>/dev/null || { echo "skipped: strace may not trace here"; exit 0; }
+strace -o "$work/probe" true 2>/dev/null || skip strace "strace may not trace here"
 cd "$work" && mkdir in
 
-# Inputs; none of this is traced.
-small="--width 32 --height 24"
-python3 - <<'PY'
-import struct, zlib
-def png(name, level):
-    raw = b"".join(b"\0" + bytes([level] * 8) for _ in range(8))
-    chunk = lambda k, d: struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d))
-    open(name, "wb").write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 8, 8, 8, 0, 0, 0, 0))
-                           + chunk(b"IDAT", zlib.compress(raw)) + chunk(b"IEND", b""))
-for i, level in enumerate([0, 80, 160]):
-    png(f"in/p{i}.png", level)
-text = "width = 8\nheight = 8\nreadout_hz = 20000\n"
-for i, light in enumerate([0.0, 0.31, 0.63]):
-    text += f'[[recording]]\nfile = "r{i}.dat"\nlight = {light}\n'
-open("in/set.toml", "w").write(text)
-PY
-quiet() { "$program" "$@" >/dev/null 2>>"$work/log" || echo "input failed: $*"; }
-for i in 0 1 2; do
-    quiet simulate in/p$i.png --transfer linear --width 8 --height 8 --readouts 1100 -o in/r$i
-done
+# None of this is traced.
+make_inputs
 quiet simulate --source chart $small --readouts 400 -o in/a
-tiny="--kind tiny --sequences 2 --images 3 --label-every 2 $small"
-for plan in run merge pack; do
-    quiet dataset plan $tiny -o in/$plan --per-shard 1 $([ $plan = pack ] && echo --pack)
-done
-quiet dataset run in/merge --shard all
-quiet dataset $tiny -o in/whole
+quiet dataset plan $tiny -o in/run --per-shard 1
+quiet dataset plan $tiny -o in/pack --per-shard 1 --pack
 
 calls=openat,open,creat,rename,renameat,renameat2,unlink,unlinkat,rmdir,mkdir,mkdirat,link,linkat,symlink,symlinkat,truncate,mknod,mknodat,chmod,fchmodat,chown,lchown,fchownat
 failed=0

@@ -1,0 +1,55 @@
+# Inputs that tests/limits.sh and tests/strace.sh share. Sourced with `program` set to the program, in a folder with a folder `in`.
+
+# skip NAME REASON: ends the script. A missing tool is a failure, unless ALLOW_SKIP, a comma-separated list, names it.
+skip() {
+    case ",${ALLOW_SKIP:-}," in
+    *",$1,"*) echo "skipped: $2"; exit 0 ;;
+    esac
+    echo "failed: $2 (ALLOW_SKIP=$1 allows this)" >&2
+    exit 1
+}
+
+# allowed NAME REASON: goes on without a part of the checks, if ALLOW_SKIP names what is missing.
+allowed() {
+    case ",${ALLOW_SKIP:-}," in
+    *",$1,"*) echo "without: $2" ;;
+    *) skip "$1" "$2" ;;
+    esac
+}
+
+# quiet ARGUMENTS: makes an input; without it the checks would check nothing.
+quiet() {
+    "$program" "$@" >/dev/null 2>>log && return
+    echo "input failed: $*" >&2
+    tail -2 log >&2
+    exit 1
+}
+
+small="--width 32 --height 24"
+tiny="--kind tiny --sequences 2 --images 3 --label-every 2 $small"
+
+# Pictures, a recording set, a data set and a plan whose shards are made.
+make_inputs() {
+    command -v python3 >/dev/null || skip python3 "python3 is not installed"
+python3 - <<'PY'
+import struct, zlib
+def png(name, level):
+    raw = b"".join(b"\0" + bytes([level] * 8) for _ in range(8))
+    chunk = lambda k, d: struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d))
+    open(name, "wb").write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 8, 8, 8, 0, 0, 0, 0))
+                           + chunk(b"IDAT", zlib.compress(raw)) + chunk(b"IEND", b""))
+for i, level in enumerate([0, 80, 160]):
+    png(f"in/p{i}.png", level)
+text = "width = 8\nheight = 8\nreadout_hz = 20000\n"
+for i, light in enumerate([0.0, 0.31, 0.63]):
+    text += f'[[recording]]\nfile = "r{i}.dat"\nlight = {light}\n'
+open("in/set.toml", "w").write(text)
+PY
+    local i
+    for i in 0 1 2; do
+        quiet simulate in/p$i.png --transfer linear --width 8 --height 8 --readouts 1100 -o in/r$i
+    done
+    quiet dataset plan $tiny -o in/merge --per-shard 1
+    quiet dataset run in/merge --shard all
+    quiet dataset $tiny -o in/whole
+}
