@@ -44,6 +44,10 @@ impl Request {
 /// Each function of the library checks at least once per block of 128 readouts, per row of a rendered picture, and per
 /// item of parallel work.
 ///
+/// A stop unwinds the stack from such a check to this function, without the panic hook. A program that is built with
+/// `panic = "abort"` cannot unwind: there a stop ends the process with an abort, and unfinished files stay under their hidden
+/// names. Such a program stops between calls instead.
+///
 /// # Errors
 /// [`Kind::Interrupted`] after a stop; else those of `work`.
 pub fn until<T>(
