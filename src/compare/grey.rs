@@ -6,6 +6,7 @@ use crate::calibrate::{Progress, RecordingSet};
 use crate::draws::Seeds;
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
+use crate::inputs;
 use crate::measure::{Accumulator, MeasureOptions, Statistics, of_stream};
 use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::Packed;
@@ -175,7 +176,7 @@ fn half_histograms(set: &RecordingSet, recording: &crate::calibrate::Recording) 
     let middle = reader.readouts() / 2;
     let half = |range: std::ops::Range<usize>| -> Result<Vec<f64>> {
         let mut accumulator = Accumulator::new(reader.geometry(), &options(true, range.len()))?;
-        let mut frame = vec![0; reader.geometry().frame_bytes()];
+        let mut frame = inputs::zeroed(reader.name(), reader.geometry().frame_bytes())?;
         for i in range {
             reader.read_frame(i, &mut frame)?;
             accumulator.push(Packed::new(reader.geometry(), &frame)?)?;
@@ -242,7 +243,7 @@ fn simulate(
         let mut simulator = Simulator::new(&camera, seeds)?.with_threads(threads::count())?;
         let samples = vec![*light as f32; geometry.pixels()];
         let mut accumulator = Accumulator::new(geometry, &options(chosen.contains(&k), *readouts))?;
-        let mut bits = vec![0; 496 * geometry.frame_bytes()];
+        let mut bits = inputs::zeroed("simulated readouts", 496 * geometry.frame_bytes())?;
         let mut left = *readouts;
         while left > 0 {
             let now = left.min(496);

@@ -24,5 +24,17 @@ pub use realism::{
 pub use row::SceneRow;
 pub use scene::{SceneComparison, static_scene};
 
+use crate::error::Result;
+use crate::inputs;
+use crate::spikes::Geometry;
+
 /// The models that the paper compares, and this crate's own.
 pub const MODELS: [&str; 6] = ["scsim-code", "scsim-paper", "neuspike", "spikingsim", "spcs", "physical"];
+
+/// The most memory that a comparison takes for each pixel, in bytes: maps of the recording and of one camera, and lines through
+/// the times of spikes of both.
+const BYTES_PER_PIXEL: usize = 320;
+
+fn check_memory(geometry: Geometry) -> Result<()> {
+    inputs::check_memory(format_args!("comparison of {geometry} pixels"), BYTES_PER_PIXEL * geometry.pixels())
+}

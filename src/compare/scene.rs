@@ -5,10 +5,12 @@ use serde::Serialize;
 use super::areas::{Area, Areas};
 use super::row::{LAGS, SceneRow, apart, row, terms};
 use super::steady::{RADIUS, steady};
+use crate::compare::check_memory;
 use crate::draws::Seeds;
 use crate::effects::{Camera, Maps};
 use crate::error::{Error, Kind, Result};
 use crate::formats::Reader;
+use crate::inputs;
 use crate::measure::{Accumulator, Estimate, MeasureOptions, Statistics, of_stream, select_smooth};
 use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::{Geometry, Packed};
@@ -58,6 +60,7 @@ pub fn static_scene(recording: &Reader, cameras: &[Camera], seeds: Seeds) -> Res
         ..MeasureOptions::default()
     };
     let measured = of_stream(recording, &options, &mut |_| {})?;
+    check_memory(recording.geometry())?;
     let pixels = static_pixels(&measured);
     if readouts < 100 || pixels.len() < 500 {
         return Err(Error::new(Kind::Input, recording.name())
@@ -146,7 +149,7 @@ fn simulate(
     let samples: Vec<f32> = samples.into_iter().map(|s| if s.is_finite() { s } else { 0.0 }).collect();
     let mut simulator = Simulator::new(&flat, seeds)?;
     // Models that start with all pixels in step need time to lose it, as the real camera had.
-    let mut bits = vec![0; BATCH * geometry.frame_bytes()];
+    let mut bits = inputs::zeroed("simulated readouts", BATCH * geometry.frame_bytes())?;
     simulator.push(FrameRef::f32(&samples, geometry), &mut bits[..LEAD * geometry.frame_bytes()])?;
     let mut accumulator = Accumulator::new(geometry, options)?;
     let mut left = readouts;

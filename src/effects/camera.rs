@@ -4,6 +4,7 @@ use std::hash::{Hash as _, Hasher};
 
 use crate::draws::Seeds;
 use crate::error::{Error, Kind, Result};
+use crate::inputs;
 use crate::sensor::{FrontEnd, Sensor};
 use crate::spikes::{Crop, Geometry};
 use crate::threads;
@@ -47,6 +48,10 @@ pub struct Camera {
     /// The whole sensor, and which of its pixels this camera is.
     pub(super) window: Option<(Geometry, Crop)>,
 }
+
+/// The most memory that drawing the fixed pattern takes for each pixel, in bytes: six maps, a copy of each for a window, and
+/// four maps of an effect that is being drawn.
+const BYTES_PER_PIXEL: usize = 16 * size_of::<f64>();
 
 impl Camera {
     /// A camera without imperfections that starts with empty pixels.
@@ -159,6 +164,11 @@ impl Camera {
             return whole.model(seeds).map(|model| model.window(crop));
         }
         let sensor = self.sensor.validated()?;
+        let geometry = sensor.geometry;
+        inputs::check_memory(
+            format_args!("camera of {geometry} pixels"),
+            BYTES_PER_PIXEL * geometry.pixels(),
+        )?;
         let mut circuit = Circuit::nominal(&sensor);
         let mut ops = Vec::new();
         for effect in &self.effects {

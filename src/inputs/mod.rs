@@ -2,7 +2,7 @@
 //!
 //! A text from a file becomes a path only as a [`PlainName`] or an [`InnerPath`]. A file is opened only by
 //! [`InputFile`], which accepts regular files and never waits for a pipe. A count becomes memory only by
-//! [`zeroed`] or [`buffer`], which return an error where an allocation would abort the process.
+//! [`zeroed`] or [`buffer`], or after [`check_memory`], which return an error where an allocation would abort the process.
 
 /// The most that one decoded picture, or one frame of an array or a video, may take in memory: 512 MiB.
 pub(crate) const MAX_PICTURE_BYTES: u64 = 512 << 20;
@@ -16,7 +16,7 @@ mod stdin;
 
 pub(crate) use file::{Cursor, InputFile, MAX_TEXT_BYTES, if_found, read_bytes, read_text, read_text_up_to};
 pub(crate) use lines::Lines;
-pub(crate) use memory::{buffer, zeroed};
+pub(crate) use memory::{buffer, check_memory, zeroed};
 pub(crate) use names::Access;
 pub use names::{InnerPath, PlainName};
 #[cfg(feature = "files")]

@@ -41,6 +41,13 @@ pub(super) struct Block {
 }
 
 impl Block {
+    /// The bytes of a buffer of as many readouts as are measured together.
+    #[cfg(all(feature = "files", feature = "threads"))]
+    pub(super) fn bytes(geometry: Geometry, rows: usize) -> usize {
+        let (frame_words, capacity) = Self::size(geometry, rows, CAPACITY);
+        (capacity + 1) * frame_words * size_of::<u64>()
+    }
+
     /// Of as many readouts as are measured together.
     pub(super) fn new(geometry: Geometry, rows: Range<usize>) -> Self {
         Self::of(geometry, rows, CAPACITY)
@@ -51,16 +58,22 @@ impl Block {
         Self::of(geometry, rows, FEWEST)
     }
 
-    fn of(geometry: Geometry, rows: Range<usize>, most: usize) -> Self {
+    /// Words of a readout, and readouts of a buffer of at most `most`.
+    fn size(geometry: Geometry, rows: usize, most: usize) -> (usize, usize) {
         let stride = geometry.width() / 64 + 1;
         // One row below the band for its lower neighbours, and slack for tiles
         // that overhang the end. An odd number of cache lines per readout
         // spreads one word of many readouts over all sets of the cache.
-        let lines = ((rows.len() + 1) * stride + 8).div_ceil(8) | 1;
+        let lines = ((rows + 1) * stride + 8).div_ceil(8) | 1;
         let frame_words = lines * 8;
         let fitting = LARGEST_BUFFER / (frame_words * 8);
         let whole = if fitting >= TURN { TURN } else { FEWEST };
-        let capacity = (fitting / whole * whole).clamp(FEWEST, most);
+        (frame_words, (fitting / whole * whole).clamp(FEWEST, most))
+    }
+
+    fn of(geometry: Geometry, rows: Range<usize>, most: usize) -> Self {
+        let stride = geometry.width() / 64 + 1;
+        let (frame_words, capacity) = Self::size(geometry, rows.len(), most);
         let len = (capacity + 1) * frame_words;
         #[cfg(feature = "files")]
         let words = Words::zeros(len);

@@ -101,6 +101,10 @@ impl Work for Taking<'_> {
 }
 
 impl State {
+    /// Nine maps of 32 bits, a bit for whether the pixel has fired, and rounding up.
+    #[cfg(all(feature = "files", feature = "threads"))]
+    pub(super) const BYTES_PER_PIXEL: usize = 40;
+
     pub(super) fn new(geometry: Geometry, rows: Range<usize>, block: &Block) -> Self {
         let pixels = rows.len() * geometry.width();
         Self {

@@ -168,6 +168,16 @@ impl Accumulator {
         })
     }
 
+    /// The memory of one pixel in bytes: its history of spikes, and its sums.
+    #[cfg(all(feature = "files", feature = "threads"))]
+    pub(crate) fn bytes_per_pixel(geometry: Geometry, options: &MeasureOptions) -> Result<[usize; 2]> {
+        let (_, lags) = options.checked(geometry)?;
+        let counts = if options.counts { counts::State::BYTES_PER_PIXEL } else { 0 };
+        let [history, sums] =
+            if options.intervals { intervals::State::bytes_per_pixel(&lags) } else { [0; 2] };
+        Ok([history, counts + sums])
+    }
+
     /// Takes the next readouts, in order.
     ///
     /// # Errors

@@ -1,5 +1,6 @@
 //! A stored stream, measured on all threads.
 
+use super::block::Block;
 use super::{Accumulator, MeasureOptions, Statistics};
 use crate::error::Result;
 use crate::formats::Reader;
@@ -47,12 +48,26 @@ pub(super) fn bands(geometry: Geometry, options: &MeasureOptions) -> Result<Vec<
         let rows = Some(rows(i));
         Accumulator::new(geometry, &MeasureOptions { rows, frames: false, ..options.clone() })
     };
+    check_memory(geometry, options, bands)?;
     let mut all = (0..bands).map(band).collect::<Result<Vec<_>>>()?;
     if options.frames {
         let whole = MeasureOptions { counts: false, intervals: false, rows: None, ..options.clone() };
         all.push(Accumulator::new(geometry, &whole)?);
     }
     Ok(all)
+}
+
+/// Checks that there is memory for what is kept of all pixels, for the maps that are made of it, and for the readouts that
+/// `bands` bands of rows buffer.
+fn check_memory(geometry: Geometry, options: &MeasureOptions, bands: usize) -> Result<()> {
+    /// Copies of the sums: the whole, a half and a quarter of the recording, and a map that is joined from bands.
+    const COPIES: usize = 4;
+    /// Maps of `f64` that are held at a time.
+    const MAPS: usize = 24;
+    let [history, sums] = Accumulator::bytes_per_pixel(geometry, options)?;
+    let of_pixels = (history + COPIES * sums + MAPS * size_of::<f64>()) * geometry.pixels();
+    let buffers = bands * Block::bytes(geometry, geometry.height().div_ceil(bands));
+    inputs::check_memory(format_args!("statistics of {geometry} pixels"), of_pixels + buffers)
 }
 
 /// The statistics of such bands. A block that is not full is still to be measured, so that bands end side by side as well.

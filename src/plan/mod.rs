@@ -35,6 +35,7 @@ use crate::draws::hash::Clock;
 use crate::draws::{Seeds, Stream, poisson};
 use crate::effects::{Camera, Model};
 use crate::error::{Error, Kind, Result};
+use crate::inputs;
 use crate::pixel::Law;
 use crate::spikes::Geometry;
 use crate::threads;
@@ -46,6 +47,10 @@ pub const LANES: usize = 64;
 /// Full-scale light of 8-bit frames in thresholds' numerator: 255 x 64 steps,
 /// so that every 8-bit grey level is a whole number of steps of an ideal pixel.
 pub const STEPS: u32 = 16_320;
+
+/// The most memory that planning takes for each pixel, in bytes: its law, the law in steps, and 104 bytes of tables and keys.
+/// A simulator of the plan takes less, and only when the laws are gone.
+const BYTES_PER_PIXEL: usize = size_of::<Law>() + size_of::<steps::Rounded<'_>>() + 104;
 
 /// The clocks of the per-readout draws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -149,6 +154,7 @@ impl Plan {
     /// See [`Plan::with_light`].
     pub fn of_model(model: &Model, seeds: Seeds, greatest_light: f64) -> Result<Self> {
         let geometry = model.circuit.geometry;
+        inputs::check_memory(format_args!("plan of {geometry} pixels"), BYTES_PER_PIXEL * geometry.pixels())?;
         threads::check();
         let laws: Vec<Law> = (0..model.circuit.pixels()).map(|p| model.law(p)).collect();
         threads::check();

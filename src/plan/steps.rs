@@ -32,7 +32,10 @@ pub(super) fn probability(p: f64) -> u32 {
 
 /// A value of every pixel, with `filler` behind the last up to whole lanes.
 pub(super) fn pad<T: Clone>(laws: &[Rounded<'_>], filler: T, value: impl Fn(&Rounded<'_>) -> T) -> Vec<T> {
-    let mut table: Vec<T> = laws.iter().map(value).collect();
-    table.resize(laws.len().next_multiple_of(LANES), filler);
+    let padded = laws.len().next_multiple_of(LANES);
+    // Room for the padding from the start: a vector that grows by a little asks for twice its memory.
+    let mut table = Vec::with_capacity(padded);
+    table.extend(laws.iter().map(value));
+    table.resize(padded, filler);
     table
 }

@@ -40,6 +40,7 @@ pub(crate) use window::TfpSequence;
 pub use window::tfp;
 
 use crate::error::{Error, Kind, Result};
+use crate::inputs;
 use crate::spikes::Packed;
 
 /// Calls `hit` with the pixel of every spike of a packed frame, skipping empty bytes.
@@ -53,9 +54,16 @@ fn for_each_spike(frame: &[u8], mut hit: impl FnMut(usize)) {
     }
 }
 
+/// The most memory that a picture takes for each pixel, in bytes: times of spikes, and values of 32 or 64 bits made of them.
+const BYTES_PER_PIXEL: usize = 64;
+
 fn check_readout(packed: Packed, readout: usize) -> Result<()> {
     if readout < packed.readouts() {
-        return Ok(());
+        let geometry = packed.geometry();
+        return inputs::check_memory(
+            format_args!("picture of {geometry} pixels"),
+            BYTES_PER_PIXEL * geometry.pixels(),
+        );
     }
     Err(Error::new(Kind::Usage, "readout to reconstruct at")
         .found(readout)

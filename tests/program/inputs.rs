@@ -124,6 +124,38 @@ fn memory_that_is_missing_for_an_input_is_an_error_with_a_code() {
     }
 }
 
+/// Under each limit a command succeeds or ends with a listed code, and under some of them with that of missing memory.
+#[cfg(target_os = "linux")]
+#[test]
+fn tables_of_each_pixel_end_with_a_code_where_memory_is_missing() {
+    let place = Place::new();
+    // A sensor of 1024 x 1024 pixels, whose tables take 60 MB to 1 GB.
+    place.write("a.dat", &vec![0x55; 17 * 1024 * 128]);
+    place.good("record --width 256 --height 256 --readouts 64 -o set");
+    let read = "a.dat --width 1024 --height 1024 --layout dat";
+    for line in [
+        "simulate --source chart --width 1024 --height 1024 --readouts 4 -o o --force".to_owned(),
+        format!("measure {read}"),
+        format!("inspect {read} --png i.png --force"),
+        format!("evaluate {read}"),
+        format!("reconstruct {read} -o r.png --force"),
+        "calibrate set/recordings.toml -o made --force".to_owned(),
+        "record --width 1024 --height 1024 --readouts 8 -o other --force".to_owned(),
+    ] {
+        let codes = [160, 240, 320].map(|megabytes| {
+            let ran = run_within(&place, megabytes, &line);
+            assert!(
+                ran.code >= 0 && ![101, 134].contains(&ran.code),
+                "{line}: {megabytes} MB: {}",
+                ran.stderr
+            );
+            ran.code
+        });
+        let is_small = ["inspect", "evaluate", "reconstruct"].iter().any(|name| line.starts_with(name));
+        assert!(is_small || codes.contains(&11), "{line}: {codes:?}");
+    }
+}
+
 #[test]
 fn archives_and_headers_that_claim_more_than_a_sensor_has_are_refused() {
     let place = Place::new();

@@ -15,6 +15,7 @@ use crate::calibrate::population::Population;
 use crate::calibrate::result::{CalibrateOptions, Calibration, Redrawn};
 use crate::calibrate::sets::observed::Observed;
 use crate::error::{Error, Kind, Result};
+use crate::inputs;
 use crate::measure::{finite, median_and_spread};
 use crate::threads;
 
@@ -22,11 +23,16 @@ use crate::threads;
 /// stated. What is not told would move the gain of levels spread over the range by 1.8 times as many of its own errors.
 const BENT: f64 = 2.0;
 
+/// The most memory that a fit takes for each pixel, in bytes: fits and thresholds, a copy of both, and 16 maps.
+const BYTES_PER_PIXEL: usize = 2 * (size_of::<PixelFit>() + size_of::<[f64; 2]>()) + 16 * size_of::<f64>();
+
 /// Fits the model to what was observed.
 ///
 /// # Errors
 /// When fewer than two levels can be used, or the precision asked for needs more readouts.
 pub fn calibrate(observed: &Observed, options: &CalibrateOptions) -> Result<Calibration> {
+    let geometry = observed.geometry;
+    inputs::check_memory(format_args!("fit of {geometry} pixels"), BYTES_PER_PIXEL * geometry.pixels())?;
     let mut fitter = Fitter::new(observed, options)?;
     fitter.measure_noise();
     fitter.find_levels()?;

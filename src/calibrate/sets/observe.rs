@@ -8,6 +8,7 @@ use super::observed::{IntervalNoise, Level, Observed};
 use super::recordings::{Light, RateMap, RecordingSet};
 use crate::error::{Error, Kind, Result};
 use crate::formats::Reader;
+use crate::inputs;
 use crate::inputs::InputFile;
 use crate::measure::{MeasureOptions, NEVER, Statistics, finite, median, median_and_spread, of_stream};
 use crate::npy;
@@ -34,6 +35,9 @@ pub type Progress<'a> = &'a mut dyn FnMut(&str, f64);
 /// all dark or saturated, a checkerboard or fixed pattern shows a wrong geometry or flip.
 pub fn observe(set: &RecordingSet, progress: Progress<'_>) -> Result<Observed> {
     let geometry = set.geometry()?;
+    // Of each recording its counts and rates are kept, 12 bytes a pixel, beside six maps.
+    let kept = 16 * set.recordings.len() + 6 * size_of::<f64>();
+    inputs::check_memory(format_args!("recordings of {geometry} pixels"), kept * geometry.pixels())?;
     let readers = set.recordings.iter().map(|r| set.reader(r)).collect::<Result<Vec<_>>>()?;
     let total: usize = readers.iter().map(Reader::readouts).sum();
     let mut observed =

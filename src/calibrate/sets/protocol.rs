@@ -8,6 +8,7 @@ use crate::draws::Seeds;
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
 use crate::formats::{Layout, StreamWriter};
+use crate::inputs;
 use crate::plan::Plan;
 use crate::simulate::{CameraFacts, FrameRef, LightFacts, Sidecar, Simulator, StreamFacts, Written};
 use crate::spikes;
@@ -135,7 +136,7 @@ impl Protocol {
             Light::Scene(Pattern::Square { half_period, .. }) => u64::from(half_period),
             _ => u64::MAX,
         };
-        let mut buffer = vec![0; BATCH * geometry.frame_bytes()];
+        let mut buffer = inputs::zeroed("simulated readouts", BATCH * geometry.frame_bytes())?;
         let mut fired = 0;
         let (mut at, end) = (0, u64::from(self.readouts));
         let mut samples = frame(0).unwrap_or_default();

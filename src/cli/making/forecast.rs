@@ -9,6 +9,7 @@ use serde_json::json;
 
 use super::light::Light;
 use crate::cli::shared::output::{Out, bytes_text};
+use crate::inputs;
 
 /// Seconds for which light is read, and spikes are made, to learn how long each takes.
 const TRIAL_S: f64 = 0.3;
@@ -71,9 +72,10 @@ fn readout_seconds(job: &Run) -> Result<f64> {
     let simulator = Simulator::new(&job.camera, job.seeds)?.with_backend(job.backend)?;
     let mut simulator = simulator.with_threads(job.threads)?;
     let geometry = job.camera.sensor.geometry;
-    let light = vec![100; geometry.pixels()];
+    let mut light = inputs::zeroed::<u8>("light of a frame", geometry.pixels())?;
+    light.fill(100);
     let readouts = ((32 << 20) / geometry.frame_bytes()).clamp(1, 128);
-    let mut packed = vec![0; readouts * geometry.frame_bytes()];
+    let mut packed = inputs::zeroed("simulated readouts", readouts * geometry.frame_bytes())?;
     let (start, mut done) = (Instant::now(), 0);
     while done == 0 || start.elapsed().as_secs_f64() < TRIAL_S {
         simulator.push(FrameRef::u8(&light, geometry), &mut packed)?;

@@ -3,6 +3,7 @@
 use std::io::Cursor;
 
 use crate::formats::Reader;
+use crate::inputs;
 use crate::light::srgb_byte;
 use crate::reconstruct::{tfi_at, tfp};
 use crate::simulate::Glance;
@@ -68,7 +69,7 @@ pub(crate) fn around(reader: &Reader, at: usize, half: usize) -> Result<(Vec<u8>
             reader.name()
         )));
     }
-    let mut packed = vec![0; (end - first) * reader.geometry().frame_bytes()];
+    let mut packed = inputs::zeroed(reader.name(), (end - first) * reader.geometry().frame_bytes())?;
     reader.read_frames(first, &mut packed)?;
     Ok((packed, at - first))
 }

@@ -4,6 +4,7 @@ use crate::{Error, Kind, Result};
 use serde_json::json;
 
 use crate::cli::shared::output::Out;
+use crate::inputs;
 
 mod args;
 mod many;
@@ -32,6 +33,9 @@ fn stream(args: &Args, out: &Out) -> Result<()> {
             .expected("--clear, whose codes it is about"));
     }
     let reader = args.stream.open(&args.file, out)?;
+    let geometry = reader.geometry();
+    // Pictures by each method, the clear one, and the maps that compare them.
+    inputs::check_memory(format_args!("pictures of {geometry} pixels"), 160 * geometry.pixels())?;
     let folder = args.clear.as_deref().filter(|clear| clear.is_dir());
     if args.every.is_some() || folder.is_some() {
         return many::run(args, &reader, folder, out);

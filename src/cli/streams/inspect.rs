@@ -17,6 +17,7 @@ use crate::cli::shared::outputs;
 use crate::cli::shared::picture::{around, bright, grey, png};
 use crate::cli::shared::range::Readouts;
 use crate::cli::shared::stream::{StreamArgs, file_name};
+use crate::inputs;
 
 /// Bytes of packed frames in hand at a time.
 const BATCH: usize = 4 << 20;
@@ -161,10 +162,12 @@ struct Measured {
 
 fn measure(reader: &Reader, range: std::ops::Range<usize>) -> Result<Measured> {
     let geometry = reader.geometry();
+    // Counts, and the maps in which defects are searched.
+    inputs::check_memory(format_args!("counts of {geometry} pixels"), 160 * geometry.pixels())?;
     let options = MeasureOptions { frames: false, ..MeasureOptions::without_intervals() };
     let mut sums = Accumulator::new(geometry, &options)?;
     let step = (BATCH / geometry.frame_bytes()).max(1);
-    let mut packed = vec![0; step * geometry.frame_bytes()];
+    let mut packed = inputs::zeroed(reader.name(), step * geometry.frame_bytes())?;
     // Refuses a range beyond the end.
     reader.frames(range.clone())?;
     for first in range.clone().step_by(step) {

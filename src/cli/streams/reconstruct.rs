@@ -15,6 +15,7 @@ use crate::cli::shared::picture::{around, bright, moments};
 use crate::cli::shared::progress::{Progress, stop_flag};
 use crate::cli::shared::stream::StreamArgs;
 use crate::cli::shared::video::{Pictures, Video};
+use crate::inputs;
 use crate::threads;
 
 mod array;
@@ -146,6 +147,9 @@ fn target(path: &Path) -> Result<Target> {
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let target = target(&args.output)?;
     let reader = args.stream.open(&args.file, out)?;
+    let geometry = reader.geometry();
+    // A picture, its sorted copy, its levels and their code.
+    inputs::check_memory(format_args!("picture of {geometry} pixels"), 64 * geometry.pixels())?;
     if args.white.is_some_and(|w| !(w.is_finite() && w > 0.0)) {
         return Err(Error::new(Kind::Usage, "--white").expected("a positive number"));
     }

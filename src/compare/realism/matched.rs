@@ -6,6 +6,7 @@ use crate::draws::pattern::Pattern;
 use crate::draws::{Seeds, Stream};
 use crate::effects::Camera;
 use crate::error::Result;
+use crate::inputs;
 use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::Geometry;
 use crate::threads;
@@ -61,8 +62,8 @@ impl<'a> Matched<'a> {
         let mut simulator = Simulator::new(&self.camera, seeds)?;
         let bytes = self.geometry.frame_bytes();
         // Models that start with all pixels in step need time to lose it, as the real camera had.
-        simulator.push(first, &mut vec![0; LEAD * bytes])?;
-        let mut packed = vec![0; self.readouts * bytes];
+        simulator.push(first, &mut inputs::zeroed("simulated readouts", LEAD * bytes)?)?;
+        let mut packed = inputs::zeroed("simulated readouts", self.readouts * bytes)?;
         let weights: Vec<f32> = (0..self.readouts).map(|t| t as f32 / self.readouts as f32).collect();
         simulator.push_between(first, last, &weights, &mut packed)?;
         Times::of_packed(self.geometry, &packed)

@@ -23,6 +23,7 @@ use times::Times;
 pub use windows::Window;
 use windows::{Cutter, Sample, lags, names, seen};
 
+use crate::compare::check_memory;
 use crate::draws::Seeds;
 use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
@@ -152,6 +153,7 @@ pub fn realism(
     tell: &mut dyn FnMut(&str, f64),
 ) -> Result<Realism> {
     let real = Times::of_reader(recording, options.longest)?;
+    check_memory(real.geometry)?;
     let lines = real.lines();
     let motion = Motion::of(&real);
     let used: Vec<bool> =

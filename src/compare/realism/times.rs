@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::formats::Reader;
+use crate::inputs;
 use crate::spikes::{Geometry, unpack};
 
 /// Spikes of a recording by pixel, in the order of time.
@@ -24,15 +25,15 @@ impl Times {
     /// The first `longest` readouts of a recording.
     pub(super) fn of_reader(reader: &Reader, longest: usize) -> Result<Self> {
         let (geometry, readouts) = (reader.geometry(), reader.readouts().min(longest));
-        let mut packed = vec![0; readouts * geometry.frame_bytes()];
+        let mut packed = inputs::zeroed(reader.name(), readouts * geometry.frame_bytes())?;
         reader.read_frames(0, &mut packed)?;
         Self::of_packed(geometry, &packed)
     }
 
     /// Of packed frames, one after the other.
     pub(super) fn of_packed(geometry: Geometry, packed: &[u8]) -> Result<Self> {
-        let mut bits = vec![0; geometry.pixels()];
-        let mut starts = vec![0_usize; geometry.pixels() + 1];
+        let mut bits = inputs::zeroed("spikes of a readout", geometry.pixels())?;
+        let mut starts = inputs::zeroed::<usize>("spikes of each pixel", geometry.pixels() + 1)?;
         let frames = || packed.chunks_exact(geometry.frame_bytes());
         for frame in frames() {
             unpack(geometry, frame, &mut bits)?;
@@ -41,8 +42,9 @@ impl Times {
         for p in 0..geometry.pixels() {
             starts[p + 1] += starts[p];
         }
+        let mut times = inputs::zeroed("times of spikes", starts[geometry.pixels()])?;
+        inputs::check_memory("spikes of each pixel", size_of_val(starts.as_slice()))?;
         let mut next = starts.clone();
-        let mut times = vec![0; starts[geometry.pixels()]];
         for (t, frame) in frames().enumerate() {
             unpack(geometry, frame, &mut bits)?;
             for (p, _) in bits.iter().enumerate().filter(|(_, bit)| **bit == 1) {

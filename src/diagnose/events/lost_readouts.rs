@@ -92,7 +92,7 @@ mod tests {
                 bytes.extend(frame);
             }
         }
-        PixelBits::new(Packed::new(geometry, &bytes).unwrap())
+        PixelBits::new(Packed::new(geometry, &bytes).unwrap()).unwrap()
     }
 
     #[test]

@@ -69,7 +69,7 @@ mod tests {
 
     fn told(geometry: Geometry, bytes: &[u8], periods: &Periods) -> Option<Vec<usize>> {
         let frames = Packed::new(geometry, bytes).unwrap();
-        repeated(frames, &PixelBits::new(frames), &scan(frames, Look::default()), periods)
+        repeated(frames, &PixelBits::new(frames).unwrap(), &scan(frames, Look::default()).unwrap(), periods)
     }
 
     #[test]

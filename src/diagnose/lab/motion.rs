@@ -81,7 +81,7 @@ mod tests {
             skip: 0,
             still: None,
         };
-        let scan = scan(Packed::new(geometry, &bits).unwrap(), scene(0.0).look());
+        let scan = scan(Packed::new(geometry, &bits).unwrap(), scene(0.0).look()).unwrap();
         assert!(moves(&scene(0.03), &scan).is_some());
         assert!(moves(&scene(0.0), &scan).is_none());
     }

@@ -96,7 +96,7 @@ mod tests {
                 }
             }
         }
-        scan(Packed::new(geometry, &bits).unwrap(), Look::default())
+        scan(Packed::new(geometry, &bits).unwrap(), Look::default()).unwrap()
     }
 
     #[test]

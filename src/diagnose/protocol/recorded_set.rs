@@ -5,6 +5,7 @@ use super::recorded::Scene;
 use super::still::Still;
 use crate::calibrate::{Light, Pattern, Recording, RecordingSet};
 use crate::error::{Error, Kind, Result};
+use crate::inputs;
 use crate::spikes::Geometry;
 
 /// Fewest readouts of a recording that can be judged.
@@ -144,7 +145,7 @@ impl Setup {
     ) -> Result<Vec<u8>> {
         let reader = set.reader(recording)?;
         let whole = reader.geometry().frame_bytes();
-        let mut bytes = vec![0; scene.readouts * whole];
+        let mut bytes = inputs::zeroed(reader.name(), scene.readouts * whole)?;
         reader.read_frames(scene.skip, &mut bytes)?;
         let Some((first, _)) = self.band else { return Ok(bytes) };
         let (from, own) = (first * self.geometry.width() / 8, self.geometry.frame_bytes());

@@ -6,6 +6,7 @@ use crate::diagnose::recording::pixel::PixelScan;
 use crate::diagnose::recording::scan::{Look, Scan, scan};
 use crate::error::{Error, Kind, Result};
 use crate::formats::Reader;
+use crate::inputs;
 use crate::measure::select_smooth;
 use crate::spikes::Packed;
 
@@ -37,9 +38,9 @@ impl Still {
     /// When the recording cannot be read or has too few even, static pixels.
     pub(in crate::diagnose) fn of(reader: &Reader) -> Result<Self> {
         let geometry = reader.geometry();
-        let mut bytes = vec![0; reader.readouts() * geometry.frame_bytes()];
+        let mut bytes = inputs::zeroed(reader.name(), reader.readouts() * geometry.frame_bytes())?;
         reader.read_frames(0, &mut bytes)?;
-        let scan = scan(Packed::new(geometry, &bytes)?, Look::default());
+        let scan = scan(Packed::new(geometry, &bytes)?, Look::default())?;
         let rates: Vec<f64> = scan.pixels.iter().map(|p| p.rate).collect();
         let half = |p: &PixelScan, late: bool| -> u32 {
             let (a, b) = p.blocks.split_at(p.blocks.len() / 2);

@@ -2,6 +2,9 @@
 //!
 //! All statistics along time are then operations on whole words.
 
+use super::pixel::PixelScan;
+use crate::error::Result;
+use crate::inputs;
 use crate::kernels::{Bits, Shorts, Work, counting_with};
 use crate::spikes::{Geometry, Packed};
 use crate::threads;
@@ -23,18 +26,24 @@ pub(in crate::diagnose) struct PixelBits {
 const GROUPS: usize = 8;
 
 impl PixelBits {
-    pub fn new(frames: Packed<'_>) -> Self {
+    /// # Errors
+    /// [`Kind::Memory`](crate::Kind::Memory) when the system has no memory for the bits, or for a scan of them.
+    pub fn new(frames: Packed<'_>) -> Result<Self> {
         let geometry = frames.geometry();
         let readouts = frames.readouts();
         let words = readouts.div_ceil(64);
         let groups = geometry.pixels().div_ceil(64);
-        let mut data = vec![0; groups * 64 * words];
+        let mut data =
+            inputs::zeroed(format_args!("{readouts} readouts of {geometry} pixels"), groups * 64 * words)?;
+        // The scan of all pixels, once by band and once joined, and four maps.
+        let per_pixel = 2 * size_of::<PixelScan>() + 4 * size_of::<f64>();
+        inputs::check_memory(format_args!("scan of {geometry} pixels"), per_pixel * geometry.pixels())?;
         let turn = |(i, pixels): (usize, &mut [u64])| {
             counting_with(Turning { frames, first: i * GROUPS, words, pixels });
         };
         let parts: Vec<_> = data.chunks_mut(GROUPS * 64 * words.max(1)).enumerate().collect();
         threads::map(parts, turn);
-        Self { geometry, readouts, words, data }
+        Ok(Self { geometry, readouts, words, data })
     }
 
     pub fn pixel(&self, p: usize) -> &[u64] {
@@ -142,7 +151,7 @@ mod tests {
         for (t, frame) in bytes.chunks_exact_mut(geometry.frame_bytes()).enumerate() {
             (0..geometry.pixels()).filter(|p| (p * 7 + t * t) % 5 == 0).for_each(|p| set_bit(frame, p));
         }
-        let turned = PixelBits::new(Packed::new(geometry, &bytes).unwrap());
+        let turned = PixelBits::new(Packed::new(geometry, &bytes).unwrap()).unwrap();
         for (t, frame) in bytes.chunks_exact(geometry.frame_bytes()).enumerate() {
             for p in 0..geometry.pixels() {
                 let found = turned.pixel(p)[t / 64] >> (t % 64) & 1 != 0;

@@ -183,7 +183,7 @@ mod tests {
         let frames = Packed::new(geometry, &bytes).unwrap();
         let [found, changes] = totals(frames);
         let on = |t: usize, p: usize| bit(frames.frame(t), p);
-        let bits = PixelBits::new(frames);
+        let bits = PixelBits::new(frames).unwrap();
         for t in 0..700 {
             assert_eq!(found[t] as usize, (0..143).filter(|p| on(t, *p)).count());
             let changed = |t: usize| (0..143).filter(|p| on(t - 1, *p) != on(t, *p)).count();

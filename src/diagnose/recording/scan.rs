@@ -10,6 +10,7 @@ use super::pixel::BLOCKS;
 use super::pixel::PixelScan;
 use super::stretches::SETTLED;
 use super::stretches::{Stretch, stretches};
+use crate::error::Result;
 use crate::kernels::{Bits, ROOM, SLACK, Shorts, Work, counting_with};
 use crate::measure::{Motion, motion};
 use crate::spikes::{Geometry, Packed};
@@ -64,8 +65,11 @@ impl Scan {
 }
 
 /// Scans packed frames for what `look` asks.
-pub(in crate::diagnose) fn scan(frames: Packed<'_>, look: Look) -> Scan {
-    scan_turned(frames, &PixelBits::new(frames), look)
+///
+/// # Errors
+/// As [`PixelBits::new`].
+pub(in crate::diagnose) fn scan(frames: Packed<'_>, look: Look) -> Result<Scan> {
+    Ok(scan_turned(frames, &PixelBits::new(frames)?, look))
 }
 
 /// The same where the frames have been turned round already.

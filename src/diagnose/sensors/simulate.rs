@@ -17,6 +17,7 @@ use crate::diagnose::statistics::entry::Vector;
 use crate::draws::Seeds;
 use crate::effects::{Camera, Model};
 use crate::error::Result;
+use crate::inputs;
 use crate::pixel::Op;
 use crate::plan::Plan;
 use crate::simulate::{FrameRef, Simulator};
@@ -111,7 +112,7 @@ fn bits_of(setup: &Setup, model: &Model, sample: &Sample, k: usize, seed: u64) -
     let mut simulator = Simulator::of_plan(plan);
     let (bytes, width) = (setup.geometry.frame_bytes(), setup.geometry.width());
     let total = scene.skip + scene.readouts + events[0].map_or(0, <[usize]>::len);
-    let mut out = vec![0; total * bytes];
+    let mut out = inputs::zeroed("simulated readouts", total * bytes)?;
     let hold = match scene.light {
         Light::Scene(Pattern::Square { half_period, .. }) => half_period as usize,
         _ => total,
@@ -154,5 +155,5 @@ fn seeds(seed: u64, k: usize) -> Seeds {
 }
 
 fn scan_of(geometry: Geometry, bytes: &[u8], scene: &Scene) -> Result<Scan> {
-    Ok(scan(Packed::new(geometry, bytes)?, scene.look()))
+    scan(Packed::new(geometry, bytes)?, scene.look())
 }

@@ -10,6 +10,7 @@ use crate::diagnose::statistics::rate_maps;
 use crate::draws::Seeds;
 use crate::effects::{Camera, start_phase};
 use crate::error::Result;
+use crate::inputs;
 use crate::plan::Plan;
 use crate::simulate::{FrameRef, Simulator};
 use crate::spikes::Packed;
@@ -33,11 +34,11 @@ pub(in crate::diagnose) fn recording(
     };
     let samples: Vec<f32> = still.surface.iter().map(light).collect();
     let mut simulator = Simulator::of_plan(Plan::with_light(&camera, seeds, 1.0)?);
-    let mut bits = vec![0; LEAD * geometry.frame_bytes()];
+    let mut bits = inputs::zeroed("simulated readouts", LEAD * geometry.frame_bytes())?;
     simulator.push(FrameRef::f32(&samples, geometry), &mut bits)?;
     bits.resize(scene.readouts * geometry.frame_bytes(), 0);
     simulator.push(FrameRef::f32(&samples, geometry), &mut bits)?;
-    let mut found = scan(Packed::new(geometry, &bits)?, Look { dim: scene.dim(), ..Look::default() });
+    let mut found = scan(Packed::new(geometry, &bits)?, Look { dim: scene.dim(), ..Look::default() })?;
     still.keep(&mut found);
     Ok(found)
 }

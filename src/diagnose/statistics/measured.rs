@@ -28,7 +28,7 @@ pub(in crate::diagnose) fn measure(setup: &Setup, set: &RecordingSet) -> Result<
     for (scene, recording) in setup.scenes.iter().zip(&set.recordings) {
         let bytes = setup.part(set, recording, scene)?;
         let frames = Packed::new(setup.geometry, &bytes)?;
-        let bits = PixelBits::new(frames);
+        let bits = PixelBits::new(frames)?;
         let mut found = scan_turned(frames, &bits, scene.look());
         if let Some(still) = &scene.still {
             still.keep(&mut found);

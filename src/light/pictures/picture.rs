@@ -159,8 +159,8 @@ fn decode(path: &Path) -> Result<DynamicImage> {
     let reader = reader(path)?;
     let mut decoder = reader.into_decoder().map_err(refused)?;
     limits().reserve(decoder.total_bytes()).map_err(refused)?;
-    // The decoder and the conversion abort the process when memory is missing, so memory for both is reserved first.
-    drop(inputs::buffer::<u16>(path.display(), decoder.total_bytes() as usize)?);
+    // The decoder and the conversion to at most twice its bytes abort the process where memory is missing.
+    inputs::check_memory(path.display(), 2 * decoder.total_bytes() as usize)?;
     let turn = orientation(&mut decoder);
     let mut image = DynamicImage::from_decoder(decoder).map_err(refused)?;
     image.apply_orientation(turn);

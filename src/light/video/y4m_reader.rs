@@ -193,9 +193,8 @@ fn check_header(header: &[u8], name: &str) -> Result<()> {
         }
     }
     let geometry = stored_size(sides[0].into(), sides[1].into(), name)?;
-    // The decoder aborts the process where memory is missing, so room for its three planes, and for the light of a frame, is
-    // asked for first.
-    inputs::buffer::<[u16; 4]>(name, geometry.pixels()).map(drop)
+    // The decoder aborts the process where memory is missing: three planes of 16 bits, and the light of a frame.
+    inputs::check_memory(name, 8 * geometry.pixels())
 }
 
 fn tokens(header: &[u8]) -> impl Iterator<Item = &[u8]> {

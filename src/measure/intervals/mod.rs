@@ -79,6 +79,14 @@ impl Work for Taking<'_> {
 }
 
 impl State {
+    /// The memory of one pixel in bytes: its history, which ends with the recording, and its sums with the latest spikes.
+    #[cfg(all(feature = "files", feature = "threads"))]
+    pub(super) fn bytes_per_pixel(lags: &[u32]) -> [usize; 2] {
+        let depth = (lags.last().copied().unwrap_or(1) as usize).max(REFERENCE);
+        let sums = size_of::<Pixel>() + lags.len() * size_of::<[u64; 2]>() + size_of::<[u32; 3]>();
+        [depth * size_of::<u32>(), sums]
+    }
+
     /// `lags` is sorted and begins with 1; `cap` is the longest interval with
     /// an own bin; `series` readouts are kept one by one.
     pub(super) fn new(
