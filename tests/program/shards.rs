@@ -307,3 +307,28 @@ fn a_dataset_is_a_text_that_makes_it_again() {
     place.write("wrong.toml", text.replace("dataset = 1", "dataset = 7"));
     place.refused("dataset --config wrong.toml -o c", 3, &["version 7"]);
 }
+
+/// A process that comes while another one plans ends with code 10, and one that comes later with code 7.
+#[test]
+fn of_many_processes_that_plan_at_once_one_makes_a_whole_plan() {
+    let place = Place::new();
+    let children: Vec<_> = (1..=6_u64)
+        .map(|per_shard| {
+            let line = format!("dataset plan {SCENES} -o set --per-shard {per_shard}");
+            let mut command = place.command(&line);
+            (per_shard, command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap())
+        })
+        .collect();
+    let mut made = Vec::new();
+    for (per_shard, child) in children {
+        let out = child.wait_with_output().unwrap();
+        match out.status.code() {
+            Some(0) => made.push(per_shard),
+            Some(7 | 10) => {}
+            code => panic!("{code:?}: {}", String::from_utf8_lossy(&out.stderr)),
+        }
+    }
+    let plan: serde_json::Value = serde_json::from_slice(&place.read("set/plan.json")).unwrap();
+    assert_eq!(made, [plan["per_shard"].as_u64().unwrap()]);
+    assert!(!place.path("set/.folder.lock").exists());
+}

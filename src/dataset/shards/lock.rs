@@ -1,12 +1,13 @@
 //! One process at a shard: a lock that the system drops with its holder.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io;
 use std::io::Write as _;
 use std::os::unix::fs::{MetadataExt as _, OpenOptionsExt as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use rustix::fs::{FlockOperation, OFlags, flock};
+use rustix::fs::OFlags;
 use rustix::io::Errno;
 
 use crate::error::{Error, Kind, Result};
@@ -32,17 +33,16 @@ impl Lock {
         let mut file =
             open_own(OpenOptions::new().read(true).write(true).create(true).truncate(false), path)?;
         for attempt in 1.. {
-            match flock(&file, FlockOperation::NonBlockingLockExclusive) {
+            match file.try_lock() {
                 Ok(()) => break,
-                Err(Errno::INTR) => {}
-                Err(Errno::WOULDBLOCK) if attempt < TRIES => std::thread::sleep(BETWEEN),
-                Err(Errno::WOULDBLOCK) => {
+                Err(TryLockError::WouldBlock) if attempt < TRIES => std::thread::sleep(BETWEEN),
+                Err(TryLockError::WouldBlock) => {
                     return Err(Error::new(Kind::Busy, path.display())
                         .found(format_args!("held by {}", said(path)))
                         .expected("a shard that nobody is at")
                         .remedy("let it finish; if it is gone, its lock went with it"));
                 }
-                Err(e) => return Err(without_locks(path, e)),
+                Err(TryLockError::Error(e)) => return Err(without_locks(path, e)),
             }
         }
         if file.metadata().map_err(io)?.nlink() > 1 {
@@ -57,8 +57,8 @@ impl Lock {
     }
 }
 
-fn without_locks(path: &Path, e: Errno) -> Error {
-    Error::io(path.display(), e.into()).expected("a file system with locks (flock)").remedy(
+fn without_locks(path: &Path, e: io::Error) -> Error {
+    Error::io(path.display(), e).expected("a file system with locks (flock)").remedy(
         "give --no-lock where the scheduler starts each shard once, or mount the file system with locks \
          (Lustre: -o flock)",
     )
@@ -67,8 +67,8 @@ fn without_locks(path: &Path, e: Errno) -> Error {
 /// Who holds the lock at `path`, if somebody does.
 pub(super) fn holder(path: &Path) -> Option<String> {
     let file = open_own(OpenOptions::new().read(true), path).ok()?;
-    match flock(&file, FlockOperation::NonBlockingLockShared) {
-        Err(Errno::WOULDBLOCK) => Some(said(path)),
+    match file.try_lock_shared() {
+        Err(TryLockError::WouldBlock) => Some(said(path)),
         _ => None,
     }
 }
@@ -171,7 +171,7 @@ mod tests {
     /// The seam for a file system without locks, which a test cannot mount.
     #[test]
     fn a_file_system_without_locks_is_named_with_what_to_do() {
-        let error = without_locks(Path::new("lock"), Errno::NOLCK);
+        let error = without_locks(Path::new("lock"), Errno::NOLCK.into());
         assert_eq!(error.kind(), Kind::Io);
         assert!(error.to_string().contains("--no-lock"), "{error}");
     }

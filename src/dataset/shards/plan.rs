@@ -1,6 +1,5 @@
 //! What is to be made, and by which shard: fixed before the first sequence, and never changed.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -11,7 +10,7 @@ use crate::dataset::entries::{new_input, planned_scene};
 use crate::dataset::{DatasetOptions, Entry, Input, Inputs, Split, Stamp, Work};
 use crate::error::{Error, Kind, Result};
 use crate::inputs::{Access, InnerPath, PlainName, read_bytes};
-use crate::storage::{self, trees};
+use crate::storage::{self, OutputSet, trees};
 
 /// The version of the plan's form.
 const VERSION: u32 = 1;
@@ -81,24 +80,29 @@ impl Plan {
         }
         let folder = options.output.clone();
         let written = config::write(options)?;
-        if folder.join(NAME).exists() {
-            let old = Self::read(&folder)?;
-            old.same(&written.text, per_shard, pack)?;
-            return Ok((old, true));
+        let existing = || -> Result<Option<Self>> {
+            if !folder.join(NAME).exists() {
+                return Ok(None);
+            }
+            let plan = Self::read(&folder)?;
+            plan.same(&written.text, per_shard, pack)?;
+            Ok(Some(plan))
+        };
+        if let Some(plan) = existing()? {
+            return Ok((plan, true));
+        }
+        // A plan that is refused leaves no folder; one that is not empty stays.
+        let _claim = OutputSet::claim_folder(&folder)?;
+        // Another process may have made the plan meanwhile.
+        if let Some(plan) = existing()? {
+            return Ok((plan, true));
         }
         if folder.join(crate::dataset::manifest::NAME).exists() {
             return Err(Error::new(Kind::Exists, folder.display())
                 .found("a dataset without a plan")
                 .expected("a free folder"));
         }
-        let new = !folder.exists();
-        fs::create_dir_all(&folder).map_err(|e| Error::io(folder.display(), e))?;
-        let made = Self::begin(options, per_shard, pack, &written);
-        if made.is_err() && new {
-            // A plan that is refused leaves no folder; one that is not empty stays.
-            let _ = fs::remove_dir(&folder);
-        }
-        made?;
+        Self::begin(options, per_shard, pack, &written)?;
         Self::read(&folder).map(|plan| (plan, false))
     }
 
