@@ -42,17 +42,6 @@ pub use window::tfp;
 use crate::error::{Error, Kind, Result};
 use crate::spikes::Packed;
 
-/// Calls `hit` with the pixel of every spike of a packed frame, skipping empty bytes.
-fn for_each_spike(frame: &[u8], mut hit: impl FnMut(usize)) {
-    for (i, &byte) in frame.iter().enumerate() {
-        let mut left = byte;
-        while left != 0 {
-            hit(8 * i + left.trailing_zeros() as usize);
-            left &= left - 1;
-        }
-    }
-}
-
 fn check_readout(packed: Packed, readout: usize) -> Result<()> {
     if readout < packed.readouts() {
         return Ok(());

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::formats::Reader;
-use crate::spikes::{Geometry, unpack};
+use crate::spikes::{Geometry, firing_pixels};
 
 /// Spikes of a recording by pixel, in the order of time.
 pub(super) struct Times {
@@ -31,12 +31,10 @@ impl Times {
 
     /// Of packed frames, one after the other.
     pub(super) fn of_packed(geometry: Geometry, packed: &[u8]) -> Result<Self> {
-        let mut bits = vec![0; geometry.pixels()];
         let mut starts = vec![0_usize; geometry.pixels() + 1];
         let frames = || packed.chunks_exact(geometry.frame_bytes());
-        for frame in frames() {
-            unpack(geometry, frame, &mut bits)?;
-            starts[1..].iter_mut().zip(&bits).for_each(|(n, bit)| *n += usize::from(*bit));
+        for p in frames().flat_map(firing_pixels) {
+            starts[p + 1] += 1;
         }
         for p in 0..geometry.pixels() {
             starts[p + 1] += starts[p];
@@ -44,8 +42,7 @@ impl Times {
         let mut next = starts.clone();
         let mut times = vec![0; starts[geometry.pixels()]];
         for (t, frame) in frames().enumerate() {
-            unpack(geometry, frame, &mut bits)?;
-            for (p, _) in bits.iter().enumerate().filter(|(_, bit)| **bit == 1) {
+            for p in firing_pixels(frame) {
                 times[next[p]] = t as u32;
                 next[p] += 1;
             }
