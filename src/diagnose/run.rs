@@ -49,9 +49,10 @@ pub struct Options<'a> {
     /// A folder that keeps simulations, so that a further diagnosis with the same ones does not make them again: one of the same sets with
     /// other words around it, or one that was stopped. It changes no number. Those of a `reference` are not kept.
     ///
-    /// The same ones are those of the same protocol, camera, lamps and seed, to the bit, by the same program. Each is a file, which appears
-    /// whole, so that several processes may use one folder; one that is damaged is made again. Nothing is ever deleted: each build of a
-    /// program has a folder of its own in the given one, some megabytes for each diagnosis, which may be deleted when none runs.
+    /// The same ones are those of the same protocol, camera, lamps and seed, to the bit, by the same version of this library and of its
+    /// results. Each is a file, which appears whole, so that several processes may use one folder; one that is damaged is made again.
+    /// Nothing is ever deleted: each version has a folder of its own in the given one, some megabytes for each diagnosis, which may be
+    /// deleted when none runs. The version does not cover the code of `effects` of another crate: give another folder when that code changes.
     pub cache: Option<&'a Path>,
 }
 

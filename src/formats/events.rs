@@ -7,7 +7,7 @@ use crate::error::{Error, Kind, Result};
 use crate::formats::convert::batches;
 use crate::formats::{Crop, Finished, Reader};
 use crate::npy::{self, Element};
-use crate::spikes;
+use crate::spikes::{self, firing_pixels};
 use crate::storage::{Digest, Writer};
 
 /// Bytes of an event: three numbers of 32 bits.
@@ -58,11 +58,9 @@ pub fn write_events(
     batches(reader, readouts, crop, |packed| {
         rows.clear();
         for frame in packed.chunks_exact(geometry.frame_bytes()) {
-            for (k, byte) in frame.iter().enumerate().filter(|(_, b)| **b != 0) {
-                for p in (0..8).filter(|bit| byte >> bit & 1 == 1).map(|bit| 8 * k + bit) {
-                    let event = [(p % width) as i32, (p / width) as i32, readout];
-                    rows.extend(event.iter().flat_map(|n| n.to_le_bytes()));
-                }
+            for p in firing_pixels(frame) {
+                let event = [(p % width) as i32, (p / width) as i32, readout];
+                rows.extend(event.iter().flat_map(|n| n.to_le_bytes()));
             }
             readout += 1;
         }

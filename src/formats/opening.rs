@@ -130,7 +130,7 @@ impl Builder<'_> {
     fn build(self, source: Source) -> Result<Reader> {
         let wanted = self.opening.layout.or(self.facts.layout);
         let head = source.head()?;
-        if let Some(found) = container::of(&source)?
+        if let Some(found) = container::of(&head)
             && (wanted.is_none() || found.outweighs_a_name())
         {
             return Err(found.refusal(&self.name));

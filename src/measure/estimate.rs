@@ -129,17 +129,20 @@ pub fn finite(map: &[f64]) -> Vec<f64> {
 /// NaN of none. Reorders them.
 #[must_use]
 pub fn median(values: &mut [f64]) -> f64 {
-    let n = values.len();
-    if n == 0 {
-        return f64::NAN;
+    let (n, upper) = (values.len(), upper_median(values));
+    if n == 0 || n % 2 == 1 {
+        return upper;
     }
-    let (below, middle, _) = values.select_nth_unstable_by(n / 2, f64::total_cmp);
-    let middle = *middle;
-    if n % 2 == 1 {
-        return middle;
+    let lower = values[..n / 2].iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    f64::midpoint(lower, upper)
+}
+
+/// The larger of the middle two of an even number of values, the median of an odd number; NaN of none. Reorders them.
+pub(crate) fn upper_median(values: &mut [f64]) -> f64 {
+    match values.len() {
+        0 => f64::NAN,
+        n => *values.select_nth_unstable_by(n / 2, f64::total_cmp).1,
     }
-    let lower = below.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    f64::midpoint(lower, middle)
 }
 
 /// Median and robust standard deviation, `1.4826` times the median absolute

@@ -105,6 +105,8 @@ pub use summary::dsnu_prnu;
 #[cfg(not(feature = "internals"))]
 pub(crate) use summary::dsnu_prnu;
 pub use summary::{Defects, Summary, summarise};
+#[cfg(feature = "files")]
+pub(crate) use {estimate::upper_median, spectrum::squared_magnitudes};
 
 /// Most readouts of a stream: sums of squares stay within 64 bits.
 pub(crate) const MAX_READOUTS: u32 = 1 << 28;

@@ -1,6 +1,6 @@
 //! The power spectrum of frame totals.
 
-use realfft::RealFftPlanner;
+use realfft::{FftError, RealFftPlanner, RealToComplex};
 
 use crate::error::{Error, Kind, Result};
 use crate::measure::Statistics;
@@ -61,6 +61,23 @@ impl Line {
     }
 }
 
+/// Squared magnitudes of the Fourier transform of `totals` less their mean, each multiplied by its weight: one for each frequency from
+/// 0 to half a cycle per readout.
+///
+/// # Errors
+/// When `transform` has another length than `totals`.
+pub(crate) fn squared_magnitudes(
+    transform: &dyn RealToComplex<f64>,
+    totals: &[u32],
+    weights: impl IntoIterator<Item = f64>,
+) -> std::result::Result<Vec<f64>, FftError> {
+    let mean = totals.iter().map(|n| f64::from(*n)).sum::<f64>() / totals.len().max(1) as f64;
+    let mut input: Vec<f64> = totals.iter().zip(weights).map(|(n, w)| (f64::from(*n) - mean) * w).collect();
+    let mut bins = transform.make_output_vec();
+    transform.process(&mut input, &mut bins)?;
+    Ok(bins.iter().map(|bin| bin.norm_sqr()).collect())
+}
+
 /// Power spectrum of `totals` in Hann-windowed segments of `segment` readouts,
 /// overlapping by half, the mean of each taken off.
 ///
@@ -77,19 +94,14 @@ pub fn spectrum(totals: &[u32], segment: usize) -> Result<Spectrum> {
         .collect();
     let weight: f64 = window.iter().map(|w| w * w).sum();
     let transform = RealFftPlanner::<f64>::new().plan_fft_forward(segment);
-    let mut bins = transform.make_output_vec();
-    let mut power = vec![0.0; bins.len()];
+    let mut power = vec![0.0; segment / 2 + 1];
     let mut segments = 0;
     for start in (0..=totals.len() - segment).step_by(segment / 2) {
-        let piece = &totals[start..start + segment];
-        let mean = piece.iter().map(|n| f64::from(*n)).sum::<f64>() / segment as f64;
-        let tapered = piece.iter().zip(&window).map(|(n, w)| (f64::from(*n) - mean) * w);
-        let mut input: Vec<f64> = tapered.collect();
-        transform
-            .process(&mut input, &mut bins)
-            .map_err(|e| Error::new(Kind::Usage, "segment of a spectrum").found(e))?;
-        for (sum, bin) in power.iter_mut().zip(&bins) {
-            *sum += bin.norm_sqr();
+        let squares =
+            squared_magnitudes(&*transform, &totals[start..start + segment], window.iter().copied())
+                .map_err(|e| Error::new(Kind::Usage, "segment of a spectrum").found(e))?;
+        for (sum, square) in power.iter_mut().zip(squares) {
+            *sum += square;
         }
         segments += 1;
     }

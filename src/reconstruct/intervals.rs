@@ -1,8 +1,8 @@
 //! Texture from intervals: how long a pixel takes from one spike to the next.
 
 use crate::error::{Error, Kind, Result};
-use crate::reconstruct::{check_readout, for_each_spike};
-use crate::spikes::Packed;
+use crate::reconstruct::check_readout;
+use crate::spikes::{Packed, firing_pixels};
 
 /// One over the interval around readout `at`, row-major, in spikes per readout.
 ///
@@ -113,10 +113,10 @@ fn distances(packed: Packed, readouts: impl Iterator<Item = usize>, start: u32) 
             *new = spikes & *wait;
             *wait &= !spikes;
         }
-        for_each_spike(&fresh, |p| {
+        for p in firing_pixels(&fresh) {
             found[p] = Some(distance);
             left -= 1;
-        });
+        }
         if left == 0 {
             break;
         }

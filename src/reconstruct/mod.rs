@@ -43,17 +43,6 @@ use crate::error::{Error, Kind, Result};
 use crate::inputs;
 use crate::spikes::Packed;
 
-/// Calls `hit` with the pixel of every spike of a packed frame, skipping empty bytes.
-fn for_each_spike(frame: &[u8], mut hit: impl FnMut(usize)) {
-    for (i, &byte) in frame.iter().enumerate() {
-        let mut left = byte;
-        while left != 0 {
-            hit(8 * i + left.trailing_zeros() as usize);
-            left &= left - 1;
-        }
-    }
-}
-
 /// The most memory that a picture takes for each pixel, in bytes: times of spikes, and values of 32 or 64 bits made of them.
 const BYTES_PER_PIXEL: usize = 64;
 

@@ -3,17 +3,12 @@
 //! Nothing is drawn from a running generator, so that adding a tree never
 //! moves a car, and a scene can be built in any order.
 
+use crate::draws::hash::mix64;
+
 /// One purpose's family of draws under one scene seed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Draws {
     key: u64,
-}
-
-/// The finaliser of SplitMix64 (Steele, Lea and Flood, 2014).
-const fn mix(mut x: u64) -> u64 {
-    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
 }
 
 impl Draws {
@@ -22,17 +17,17 @@ impl Draws {
         let name = purpose
             .bytes()
             .fold(0xcbf2_9ce4_8422_2325, |h: u64, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
-        Self { key: mix(seed.wrapping_add(0x9e37_79b9_7f4a_7c15) ^ mix(name)) }
+        Self { key: mix64(seed.wrapping_add(0x9e37_79b9_7f4a_7c15) ^ mix64(name)) }
     }
 
     /// The draws of item `index` within this family.
     pub(crate) const fn of(self, index: u64) -> Self {
-        Self { key: mix(self.key ^ mix(index.wrapping_add(0x9e37_79b9_7f4a_7c15))) }
+        Self { key: mix64(self.key ^ mix64(index.wrapping_add(0x9e37_79b9_7f4a_7c15))) }
     }
 
     /// 64 bits at `index`.
     pub(crate) const fn bits(self, index: u64) -> u64 {
-        mix(self.key.wrapping_add(index.wrapping_mul(0x9e37_79b9_7f4a_7c15)))
+        mix64(self.key.wrapping_add(index.wrapping_mul(0x9e37_79b9_7f4a_7c15)))
     }
 
     /// Uniform in [0, 1).

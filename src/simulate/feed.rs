@@ -66,6 +66,12 @@ pub(super) struct Feeder<'a> {
     pub too_bright: u64,
 }
 
+/// The next frame of `source`; `None` at its end.
+pub(super) fn next_frame(source: &mut dyn Source) -> Result<Option<Frame>> {
+    let mut frame = Frame::dark(source.geometry());
+    Ok(source.next_frame(&mut frame)?.then_some(frame))
+}
+
 impl<'a> Feeder<'a> {
     /// Starts with `first`, the source's first frame, and ends before readout `limit`.
     pub(crate) fn new(
@@ -120,11 +126,10 @@ impl<'a> Feeder<'a> {
         if self.over {
             return Ok(None);
         }
-        let mut frame = Frame::dark(self.source.geometry());
-        if !self.source.next_frame(&mut frame)? {
+        let Some(frame) = next_frame(self.source)? else {
             self.over = true;
             return Ok(None);
-        }
+        };
         self.count(&frame);
         Ok(Some(Arc::new(frame)))
     }

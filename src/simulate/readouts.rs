@@ -1,10 +1,10 @@
 //! A run whose readouts are asked for as they are needed.
 
-use crate::error::{Error, Kind, Result};
+use crate::error::Result;
 use crate::kernels::Segment;
-use crate::light::{Frame, Source};
+use crate::light::Source;
 use crate::simulate::feed::{Feeder, Piece};
-use crate::simulate::run::{HELD, simulator};
+use crate::simulate::run::{HELD, Start};
 use crate::simulate::{Run, Simulator};
 use crate::spikes::Geometry;
 
@@ -22,16 +22,8 @@ impl<'a> Readouts<'a> {
     /// # Errors
     /// [`Kind::Input`] when the source has no frame; otherwise those of the plan and the source.
     pub fn new(job: &Run, source: &'a mut dyn Source) -> Result<Self> {
-        let limit = job.expected(source.frames()).or(job.readouts).unwrap_or(u64::MAX);
-        let about = source.describe();
-        let mut first = Frame::dark(source.geometry());
-        if !source.next_frame(&mut first)? {
-            return Err(Error::new(Kind::Input, about).found("no frame").expected("at least one"));
-        }
-        let (light, mut plans) = job.plans(&first, false)?;
-        let plan = plans.pop().ok_or_else(|| Error::new(Kind::Config, about).found("no plan"))?;
-        let feeder = Feeder::new(source, first, job.timeline.clone(), limit, light);
-        Ok(Self { feeder, simulator: simulator(job, plan)? })
+        let Start { feeder, noisy: simulator, .. } = job.start(source, false)?;
+        Ok(Self { feeder, simulator })
     }
 
     /// Width and height.

@@ -8,7 +8,7 @@ use crate::effects::Camera;
 use crate::error::{Error, Kind, Result};
 use crate::formats::{Layout, StreamWriter};
 use crate::kernels::{Backend, Segment};
-use crate::light::{Frame, OwnedSamples, Source, Timeline};
+use crate::light::{OwnedSamples, Source, Timeline};
 use crate::plan::Plan;
 use crate::simulate::Simulator;
 use crate::simulate::clear::looks::{Glance, Glances, Looks};
@@ -82,25 +82,43 @@ impl Run {
         Some(self.readouts.map_or(of_source, |n| n.min(of_source)))
     }
 
-    pub(super) fn plans(&self, first: &Frame, clean: bool) -> Result<(f64, Vec<Plan>)> {
-        let all = |light: f64| -> Result<Vec<Plan>> {
-            let mut plans = vec![Plan::with_light(&self.camera, self.seeds, light)?];
-            if clean {
-                plans.push(Plan::with_light(&self.camera.clean_twin(), self.seeds, light)?);
-            }
-            Ok(plans)
+    /// Reads the first frame of `source` and plans the camera, and its clean twin if `clean`, for its light.
+    pub(super) fn start<'a>(&self, source: &'a mut dyn Source, clean: bool) -> Result<Start<'a>> {
+        let limit = self.expected(source.frames()).or(self.readouts).unwrap_or(u64::MAX);
+        let first = feed::next_frame(source)?.ok_or_else(|| {
+            Error::new(Kind::Input, source.describe()).found("no frame").expected("at least one")
+        })?;
+        let all = |light: f64| -> Result<(f64, Plan, Option<Plan>)> {
+            let plan = |camera: &Camera| Plan::with_light(camera, self.seeds, light);
+            let clean = clean.then(|| plan(&self.camera.clean_twin()));
+            Ok((light, plan(&self.camera)?, clean.transpose()?))
         };
-        let light = match (self.greatest_light, first.samples()) {
-            (Some(light), _) => light,
-            (None, OwnedSamples::F32(_)) => match all(BEYOND) {
-                Ok(plans) => return Ok((BEYOND, plans)),
-                // The second attempt says what is wrong, if it is not the light.
-                Err(_) => 1.0,
-            },
-            (None, _) => 1.0,
-        };
-        Ok((light, all(light)?))
+        let (greatest_light, noisy, clean) = match (self.greatest_light, first.samples()) {
+            (Some(light), _) => all(light),
+            // The second attempt reports the error if the light is not its cause.
+            (None, OwnedSamples::F32(_)) => all(BEYOND).or_else(|_| all(1.0)),
+            (None, _) => all(1.0),
+        }?;
+        let feeder = Feeder::new(source, first, self.timeline.clone(), limit, greatest_light);
+        let clean = clean.map(|plan| self.simulator(plan)).transpose()?;
+        Ok(Start { feeder, greatest_light, noisy: self.simulator(noisy)?, clean })
     }
+
+    fn simulator(&self, plan: Plan) -> Result<Simulator> {
+        let simulator = Simulator::of_plan(plan).with_backend(self.backend)?;
+        #[cfg(feature = "threads")]
+        let simulator = simulator.with_threads(self.threads)?;
+        Ok(simulator)
+    }
+}
+
+/// A run before its first readout.
+pub(super) struct Start<'a> {
+    pub(super) feeder: Feeder<'a>,
+    /// The light that the plans are made for, in full scales.
+    greatest_light: f64,
+    pub(super) noisy: Simulator,
+    clean: Option<Simulator>,
 }
 
 /// A stream that was written.
@@ -181,19 +199,12 @@ pub fn run_looking(
             .remedy("give --readouts"));
     }
     let total = job.expected(source.frames());
-    let mut first = Frame::dark(source.geometry());
-    if !source.next_frame(&mut first)? {
-        return Err(Error::new(Kind::Input, about).found("no frame").expected("at least one"));
-    }
-    let (greatest_light, plans) = job.plans(&first, clean.is_some())?;
+    let Start { mut feeder, greatest_light, noisy: simulator, clean: twin } =
+        job.start(source, clean.is_some())?;
+    let mut simulators: Vec<Simulator> = [Some(simulator), twin].into_iter().flatten().collect();
     let paths = [Some(noisy), clean].into_iter().flatten();
-    let (mut simulators, mut streams) = (Vec::new(), Vec::new());
-    for (plan, path) in plans.into_iter().zip(paths) {
-        streams.push(stream(job, &plan, path, total)?);
-        simulators.push(simulator(job, plan)?);
-    }
-    let limit = total.or(job.readouts).unwrap_or(u64::MAX);
-    let mut feeder = Feeder::new(source, first, job.timeline.clone(), limit, greatest_light);
+    let streams = simulators.iter().zip(paths).map(|(s, path)| stream(job, s.plan(), path, total));
+    let mut streams = streams.collect::<Result<Vec<Stream>>>()?;
     let start = Instant::now();
     let (glance, waited, kernel) = writing::write(&mut streams, job.threads > 1, |writing| {
         simulate(&mut feeder, &mut simulators, writing, looks, (total, total.or(job.readouts)), watch)
@@ -222,13 +233,6 @@ pub fn run_looking(
         kernel,
         synced,
     })
-}
-
-pub(super) fn simulator(job: &Run, plan: Plan) -> Result<Simulator> {
-    let simulator = Simulator::of_plan(plan).with_backend(job.backend)?;
-    #[cfg(feature = "threads")]
-    let simulator = simulator.with_threads(job.threads)?;
-    Ok(simulator)
 }
 
 fn stream(job: &Run, plan: &Plan, path: &Path, total: Option<u64>) -> Result<Stream> {

@@ -182,6 +182,26 @@ pub fn set_bit(frame: &mut [u8], p: usize) {
     frame[p / 8] |= 1 << (p % 8);
 }
 
+/// The positions of the set bits of `word`, counted from bit 0, in ascending order.
+#[inline(always)]
+pub(crate) fn set_bits(mut word: u64) -> impl Iterator<Item = u32> {
+    std::iter::from_fn(move || {
+        let at = (word != 0).then(|| word.trailing_zeros());
+        word &= word.wrapping_sub(1);
+        at
+    })
+}
+
+/// The pixels that fire in a packed frame, in ascending order.
+#[inline]
+pub(crate) fn firing_pixels(frame: &[u8]) -> impl Iterator<Item = usize> {
+    frame.chunks(8).enumerate().flat_map(|(w, bytes)| {
+        let mut word = [0; 8];
+        word[..bytes.len()].copy_from_slice(bytes);
+        set_bits(u64::from_le_bytes(word)).map(move |bit| 64 * w + bit as usize)
+    })
+}
+
 /// The rate between a pixel's first and last spike, `(N - 1) / (t_last - t_first)` in spikes per readout, of `spikes`
 /// spikes from readout `first` to `last`; `None` below two spikes, which span no time.
 ///

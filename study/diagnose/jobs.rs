@@ -1,5 +1,7 @@
 //! Which sensors a study has.
 
+use spikelane::draws::hash::mix64;
+
 use super::hidden_sensor::{INSIDE, Kind, OUTSIDE};
 
 /// What is hidden in a sensor.
@@ -80,9 +82,5 @@ fn several(inside: &[&'static Kind], count: usize, index: usize) -> Vec<&'static
 
 /// A number from 0 to 1, a function of both.
 pub(crate) fn uniform(seed: u64, place: u64) -> f64 {
-    // splitmix64
-    let mut z = seed.wrapping_add(0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(place + 1));
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    (z ^ (z >> 31)) as f64 / u64::MAX as f64
+    mix64(seed.wrapping_add(0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(place + 1))) as f64 / u64::MAX as f64
 }

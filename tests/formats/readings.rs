@@ -1,6 +1,7 @@
 //! Which reading a picture fits: wrong ones are accused, right ones never.
 
 use spikelane::Geometry;
+use spikelane::draws::hash::mix64;
 use spikelane::formats::{Codec, Layout, Reader};
 use spikelane::spikes::set_bit;
 
@@ -10,10 +11,7 @@ struct Draws(u64);
 impl Draws {
     fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut x = self.0;
-        x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((x ^ x >> 31) >> 11) as f64 / (1u64 << 53) as f64
+        (mix64(self.0) >> 11) as f64 / (1u64 << 53) as f64
     }
 }
 

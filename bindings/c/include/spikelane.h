@@ -29,10 +29,10 @@
  * says for this thread what was wrong, what was found, what was expected and what to do. A function that failed has
  * changed nothing, unless it says otherwise; a handle that it would have made is set to NULL.
  *
- * Handles. Every handle is freed by the function of its name that ends in _free, once. NULL, a handle of another kind,
- * and one of the last 1,024 that were freed are answered by SPL_USAGE. Cameras may be read by several threads at a
- * time. A simulator or writer may go from thread to thread; a call while another thread's is at work on it is
- * answered by SPL_USAGE and changes nothing.
+ * Handles. Free every handle once, with the function of its name that ends in _free, and do not use it afterwards, as
+ * with free() of C. Functions return SPL_USAGE for NULL and for a handle of another kind. Several threads may read a
+ * camera at a time. A simulator or writer may go from thread to thread; a call while another thread's call works on
+ * it returns SPL_USAGE and changes nothing.
  *
  * Strings are UTF-8 and end in NUL. Buffers come with their size in bytes, and a wrong size is an error.
  *

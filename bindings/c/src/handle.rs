@@ -1,11 +1,10 @@
-//! What a handle points at.
+//! The memory behind a handle.
 //!
-//! All handles point at shells of one type, so that one of another kind is told from the right one. A freed
-//! shell is emptied and kept for a while, so that its use is told from a live one's.
+//! All handles point at one type, `Shell`, which detects a handle of another kind. A handle must not be used after it is
+//! freed: valgrind and AddressSanitizer find such a use.
 #![forbid(unsafe_code)]
 
-use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError, RwLock, TryLockError};
+use std::sync::{RwLock, TryLockError};
 
 use spikelane::{Error, Kind, Result};
 
@@ -16,11 +15,6 @@ use crate::writer::Writer;
 
 /// The first word of a shell.
 pub const MAGIC: u64 = 0x5350_4b4c_414e_4501;
-
-/// Freed shells that are kept, of some hundred bytes each.
-const KEPT: usize = 1024;
-
-static FREED: Mutex<VecDeque<Arc<Shell>>> = Mutex::new(VecDeque::new());
 
 /// What a handle points at.
 #[repr(C)]
@@ -35,7 +29,6 @@ pub enum Content {
     Camera(Box<Camera>),
     Simulator(Box<Simulator>),
     Writer(Box<Writer>),
-    Freed,
 }
 
 /// What a shell can hold.
@@ -71,8 +64,8 @@ macro_rules! held {
 held!(Camera, "a camera"; Simulator, "a simulator"; Writer, "a writer");
 
 impl Shell {
-    pub fn new(content: Content) -> Arc<Self> {
-        Arc::new(Self { magic: MAGIC, content: RwLock::new(content) })
+    pub fn new(content: Content) -> Box<Self> {
+        Box::new(Self { magic: MAGIC, content: RwLock::new(content) })
     }
 
     /// Reads what it holds.
@@ -90,27 +83,14 @@ impl Shell {
         }
     }
 
-    /// Empties it.
-    pub fn empty<T: Held>(&self) -> Result<()> {
-        let mut content = match self.content.try_write() {
+    /// Returns an error unless it contains a `T` that no other call works on.
+    pub fn check_idle<T: Held>(&self) -> Result<()> {
+        let content = match self.content.try_write() {
             // After a panic nothing else is left to do.
             Err(TryLockError::Poisoned(content)) => content.into_inner(),
             content => content.map_err(|e| locked::<T, _>(&e))?,
         };
-        if T::of(&content).is_none() {
-            return Err(other::<T>(&content));
-        }
-        *content = Content::Freed;
-        Ok(())
-    }
-}
-
-/// Keeps an emptied shell among the last ones.
-pub fn bury(shell: Arc<Shell>) {
-    let mut freed = FREED.lock().unwrap_or_else(PoisonError::into_inner);
-    freed.push_back(shell);
-    if freed.len() > KEPT {
-        freed.pop_front();
+        T::of(&content).map(drop).ok_or_else(|| other::<T>(&content))
     }
 }
 
@@ -133,10 +113,6 @@ fn other<T: Held>(content: &Content) -> Error {
         Content::Camera(_) => Camera::NAME,
         Content::Simulator(_) => Simulator::NAME,
         Content::Writer(_) => Writer::NAME,
-        Content::Freed => "a handle that was freed",
     };
-    Error::new(Kind::Usage, "handle")
-        .found(found)
-        .expected(T::NAME)
-        .remedy("look where it was made and freed")
+    Error::new(Kind::Usage, "handle").found(found).expected(T::NAME).remedy("look where it was made")
 }

@@ -17,7 +17,6 @@ mod writer;
 
 use std::ffi::{CStr, c_char};
 use std::path::Path;
-use std::sync::Arc;
 
 use spikelane::simulate::{FrameRef, Samples};
 use spikelane::{Geometry, Result, Seeds, presets, spikes};
@@ -667,7 +666,7 @@ unsafe fn write<T, H: Held, R>(handle: *mut T, work: impl FnOnce(&mut H) -> Resu
 unsafe fn make<T>(place: *mut *mut T, content: impl FnOnce() -> Result<Content>) -> Result<()> {
     let place = self::place(place, "place for the handle")?;
     *place = std::ptr::null_mut();
-    *place = Arc::into_raw(Shell::new(content()?)).cast_mut().cast();
+    *place = Box::into_raw(Shell::new(content()?)).cast();
     Ok(())
 }
 
@@ -675,9 +674,9 @@ unsafe fn free<H: Held, T>(handle: *mut T) -> Result<()> {
     if handle.is_null() {
         return Ok(());
     }
-    shell(handle.cast_const())?.empty::<H>()?;
-    // Emptying succeeds once for each shell that `make` gave away, so this is the count that it left.
-    handle::bury(Arc::from_raw(handle.cast_const().cast::<Shell>()));
+    shell(handle.cast_const())?.check_idle::<H>()?;
+    // `make` gave this box away, and the caller frees each handle once.
+    drop(Box::from_raw(handle.cast::<Shell>()));
     Ok(())
 }
 

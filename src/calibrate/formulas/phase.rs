@@ -233,6 +233,7 @@ impl Chain {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::draws::hash::mix64;
 
     /// Increment per readout, deviation of the quanta of a spike, growth over spans of 4 to 16 and of 4 to 32
     /// intervals, variance of one interval: the same chain on a plain grid of 305 phases, without Fourier series.
@@ -273,11 +274,8 @@ mod tests {
     fn mean_draw(kappa: f64, w: f64, pixels: u32, spikes: u32) -> f64 {
         let mut state = 7_u64;
         let mut uniform = move || {
-            // splitmix64
             state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-            let z = (state ^ (state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-            let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-            ((z ^ (z >> 31)) >> 11) as f64 / 9_007_199_254_740_992.0
+            (mix64(state) >> 11) as f64 / 9_007_199_254_740_992.0
         };
         let mut normal = || (-2.0 * (1.0 - uniform()).ln()).sqrt() * (2.0 * PI * uniform()).cos();
         let mut sum = 0.0;

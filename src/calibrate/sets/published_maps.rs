@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use super::recordings::{RateMap, RecordingSet};
 use crate::error::{Error, Kind, Result};
 use crate::inputs::InputFile;
+use crate::measure::upper_median;
 use crate::npy::{self, Archive};
 use crate::storage::write_small;
 
@@ -49,7 +50,7 @@ pub fn import_maps(archive: &Path, folder: &Path, force: bool) -> Result<PathBuf
     let dark_rate = |(d, n): (&f64, &f64)| n / (n + d * (LUX + n));
     let dark: Vec<f64> = waits.iter().zip(&dark_lux).map(dark_rate).collect();
     let light: Vec<f64> = waits.iter().map(|d| 1.0 / (1.0 + d)).collect();
-    let level = median(&light) - median(&dark);
+    let level = upper_median(&mut light.clone()) - upper_median(&mut dark.clone());
     if level <= 0.0 {
         return Err(impossible("a median rate under light that is not above the dark's".into()));
     }
@@ -97,10 +98,4 @@ fn map(path: &Path, names: &[&str]) -> Result<([u64; 2], Vec<f64>)> {
             .expected("(height, width)")
     })?;
     Ok((shape, values))
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
 }

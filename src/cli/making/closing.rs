@@ -3,10 +3,11 @@
 use crate::Result;
 use crate::sensor::FrontEnd;
 use crate::simulate::{Outcome, Run, Sidecar, Written};
+use indicatif::DecimalBytes;
 use serde_json::{Value, json};
 
 use super::names::Names;
-use crate::cli::shared::output::{Out, bytes_text};
+use crate::cli::shared::output::Out;
 
 /// Thresholds in one readout from which on every usual pixel fires at every readout: light that is cut
 /// above them leaves the stream as it is.
@@ -27,7 +28,7 @@ impl Closing<'_> {
     pub(crate) fn tell(&self, out: &Out) -> Result<()> {
         let (o, names) = (self.outcome, self.names);
         let line = |what: &str, w: &Written, rate: f64| {
-            format!("{what}  {}  {}, mean rate {rate:.4}", w.path.display(), bytes_text(w.bytes))
+            format!("{what}  {}  {}, mean rate {rate:.4}", w.path.display(), DecimalBytes(w.bytes))
         };
         // The first line: which curve was used is what a wrong brightness is most often due to.
         let noisy = line("noisy  ", &o.noisy, self.sidecar.stream.mean_rate);

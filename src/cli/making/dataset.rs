@@ -10,9 +10,10 @@ mod stats;
 mod status;
 mod watcher;
 
+use indicatif::DecimalBytes;
 use serde_json::json;
 
-use crate::cli::shared::output::{Out, bytes_text};
+use crate::cli::shared::output::Out;
 use crate::cli::shared::progress::stoppable;
 use crate::dataset::{self, DatasetOptions, Estimate, Report, Work, config};
 use crate::formats::Layout;
@@ -119,7 +120,7 @@ fn forecast(estimate: &Estimate, result: bool, out: &Out) -> Result<()> {
         "{} sequences to make: {} readouts, about {}{unknown}",
         estimate.sequences,
         estimate.readouts,
-        bytes_text(estimate.bytes)
+        DecimalBytes(estimate.bytes)
     );
     let event = json!({
         "event": "estimate", "sequences": estimate.sequences, "readouts": estimate.readouts,

@@ -5,10 +5,11 @@ use std::time::Instant;
 use crate::light::Frame;
 use crate::simulate::{FrameRef, Run};
 use crate::{Result, Simulator};
+use indicatif::DecimalBytes;
 use serde_json::json;
 
 use super::light::Light;
-use crate::cli::shared::output::{Out, bytes_text};
+use crate::cli::shared::output::Out;
 use crate::inputs;
 
 /// Seconds for which light is read, and spikes are made, to learn how long each takes.
@@ -21,14 +22,14 @@ pub(crate) fn forecast(clean: bool, job: &Run, mut light: Light, free: u64, out:
     let streams = 1 + u64::from(clean);
     let (frame_s, readout_s) = (frame_seconds(&mut light)?, readout_seconds(job)? * streams as f64);
     let about = format!("{}; light: {}", light.source.describe(), light.source.front_end());
-    let space = format!("{} free on the disk", bytes_text(free));
+    let space = format!("{} free on the disk", DecimalBytes(free));
     let Some(readouts) = readouts else {
         let bytes = job.layout.file_bytes(job.camera.sensor.geometry, 1_000_000)?.saturating_mul(streams);
         let event = json!({"event": "dry-run", "free_bytes": free, "seconds_per_readout": readout_s,
             "seconds_per_frame": frame_s, "bytes_per_million_readouts": bytes});
         let known = format!(
             "as many readouts as the input lasts; {} and {:.1} s of kernel time for each million",
-            bytes_text(bytes),
+            DecimalBytes(bytes),
             readout_s * 1e6
         );
         return out.result(&event, &format!("{about}\n{known}; {space}\n"));
@@ -52,7 +53,7 @@ pub(crate) fn forecast(clean: bool, job: &Run, mut light: Light, free: u64, out:
     let known = format!(
         "{most}{frames}{readouts} readouts, {}, about {seconds:.1} s ({light_s:.1} s to read the light, {kernel_s:.2} s \
          in the kernels)",
-        bytes_text(bytes)
+        DecimalBytes(bytes)
     );
     out.result(&event, &format!("{about}\n{known}; {space}\n"))
 }

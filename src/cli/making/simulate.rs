@@ -11,6 +11,7 @@ use crate::simulate::{
 };
 use crate::{Backend, Camera, Error, Kind, Plan, Result, Seeds, storage};
 use clap::builder::PossibleValuesParser;
+use indicatif::DecimalBytes;
 use serde_json::json;
 
 use super::closing;
@@ -20,7 +21,7 @@ use super::images::ImageArgs;
 use super::light::{Light, LightArgs};
 use super::names::Names;
 use crate::cli::shared::camera::CameraArgs;
-use crate::cli::shared::output::{Out, bytes_text, command_line};
+use crate::cli::shared::output::{Out, command_line};
 use crate::cli::shared::picture;
 use crate::cli::shared::progress::{Progress, Stop, stop_flag};
 use crate::cli::shared::seeds::SeedArgs;
@@ -105,8 +106,8 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     }
     if needed.is_some_and(|needed| needed > free) {
         return Err(Error::new(Kind::Space, names.noisy.display())
-            .found(format_args!("{} free on the disk", bytes_text(free)))
-            .expected(format_args!("{} for the streams", bytes_text(needed.unwrap_or(0))))
+            .found(format_args!("{} free on the disk", DecimalBytes(free)))
+            .expected(format_args!("{} for the streams", DecimalBytes(needed.unwrap_or(0))))
             .remedy("free some space, choose another disk, or give fewer --readouts"));
     }
     simulate(args, &job, light, stop, &names, out)

@@ -9,11 +9,12 @@ use crate::effects::Camera;
 use crate::error::{Error, Result};
 use crate::formats::Layout;
 use crate::report::with_known;
+use indicatif::DecimalBytes;
 use serde_json::{Value, json};
 
 use super::template;
 use crate::cli::shared::camera::CameraArgs;
-use crate::cli::shared::output::{Out, bytes_text};
+use crate::cli::shared::output::Out;
 use crate::cli::shared::outputs;
 use crate::cli::shared::progress::Files;
 use crate::cli::shared::seeds::SeedArgs;
@@ -84,7 +85,7 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     };
     let (rows, mut text) = plan(&protocol, &camera);
     let bytes = protocol.bytes(&camera);
-    text += &format!("{} recordings, {}\n", protocol.recordings.len(), bytes_text(bytes));
+    text += &format!("{} recordings, {}\n", protocol.recordings.len(), DecimalBytes(bytes));
     if args.plan {
         return out.result(&json!({"event": "plan", "precision": rows, "bytes": bytes}), &text);
     }

@@ -72,17 +72,6 @@ fn write_out(bytes: &[u8]) -> Result<()> {
     }
 }
 
-/// Bytes with a decimal prefix.
-pub(crate) fn bytes_text(bytes: u64) -> String {
-    let units = ["bytes", "kB", "MB", "GB", "TB", "PB"];
-    let (mut value, mut unit) = (bytes as f64, 0);
-    while value >= 999.5 && unit + 1 < units.len() {
-        value /= 1000.0;
-        unit += 1;
-    }
-    if unit == 0 { format!("{bytes} bytes") } else { format!("{value:.1} {}", units[unit]) }
-}
-
 /// A process is one command; a host that runs several keeps the last.
 static COMMAND: Mutex<(Vec<String>, bool)> = Mutex::new((Vec::new(), false));
 

@@ -8,9 +8,10 @@ use crate::simulate::{Sidecar, StreamFacts, Written};
 use crate::storage::OutputSet;
 use crate::{Error, Geometry, Kind, Result};
 use clap::builder::PossibleValuesParser;
+use indicatif::DecimalBytes;
 use serde_json::json;
 
-use crate::cli::shared::output::{Out, bytes_text, command_line};
+use crate::cli::shared::output::{Out, command_line};
 use crate::cli::shared::outputs;
 use crate::cli::shared::progress::{Progress, stop_flag};
 use crate::cli::shared::range::{Readouts, Rectangle};
@@ -148,7 +149,7 @@ fn say(args: &Args, form: Form, (readouts, geometry): (usize, Geometry), bytes: 
         args.output.display(),
         readouts,
         form.name(),
-        bytes_text(bytes),
+        DecimalBytes(bytes),
         args.sidecar().display()
     ));
     if let Form::Stream(layout) = form

@@ -10,9 +10,10 @@ use crate::report::with_known;
 use crate::simulate::Sidecar;
 use crate::spikes::Packed;
 use crate::storage;
+use indicatif::DecimalBytes;
 use serde_json::json;
 
-use crate::cli::shared::output::{Out, bytes_text};
+use crate::cli::shared::output::Out;
 use crate::cli::shared::outputs;
 use crate::cli::shared::picture::{around, bright, grey, png};
 use crate::cli::shared::range::Readouts;
@@ -106,7 +107,7 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
         reader.readouts(),
         reader.geometry(),
         reader.layout(),
-        bytes_text(bytes),
+        DecimalBytes(bytes),
         measured.mean,
         measured.least,
         measured.greatest,

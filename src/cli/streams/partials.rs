@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use crate::storage::unfinished::{Unfinished, remove, unfinished};
 use crate::{Error, Result};
+use indicatif::DecimalBytes;
 use serde_json::json;
 
-use crate::cli::shared::output::{Out, bytes_text};
+use crate::cli::shared::output::Out;
 
 /// List unfinished files that killed processes left in a folder
 ///
@@ -42,13 +43,13 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
         let process = one.process.map_or(String::new(), |id| format!("process {id}, "));
         out.result(
             &event,
-            &format!("{}: {process}{state}, {}\n", one.path.display(), bytes_text(one.bytes)),
+            &format!("{}: {process}{state}, {}\n", one.path.display(), DecimalBytes(one.bytes)),
         )?;
     }
     let left = match (found.len(), args.delete) {
         (0, _) => "no unfinished files".to_owned(),
         (n, false) => {
-            format!("{n} unfinished, {}; --delete removes those whose process has ended", bytes_text(bytes))
+            format!("{n} unfinished, {}; --delete removes those whose process has ended", DecimalBytes(bytes))
         }
         (n, true) => format!("{deleted} of {n} deleted"),
     };

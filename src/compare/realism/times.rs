@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::formats::Reader;
 use crate::inputs;
-use crate::spikes::{Geometry, unpack};
+use crate::spikes::{Geometry, firing_pixels};
 
 /// Spikes of a recording by pixel, in the order of time.
 pub(super) struct Times {
@@ -32,12 +32,10 @@ impl Times {
 
     /// Of packed frames, one after the other.
     pub(super) fn of_packed(geometry: Geometry, packed: &[u8]) -> Result<Self> {
-        let mut bits = inputs::zeroed("spikes of a readout", geometry.pixels())?;
         let mut starts = inputs::zeroed::<usize>("spikes of each pixel", geometry.pixels() + 1)?;
         let frames = || packed.chunks_exact(geometry.frame_bytes());
-        for frame in frames() {
-            unpack(geometry, frame, &mut bits)?;
-            starts[1..].iter_mut().zip(&bits).for_each(|(n, bit)| *n += usize::from(*bit));
+        for p in frames().flat_map(firing_pixels) {
+            starts[p + 1] += 1;
         }
         for p in 0..geometry.pixels() {
             starts[p + 1] += starts[p];
@@ -46,8 +44,7 @@ impl Times {
         inputs::check_memory("spikes of each pixel", size_of_val(starts.as_slice()))?;
         let mut next = starts.clone();
         for (t, frame) in frames().enumerate() {
-            unpack(geometry, frame, &mut bits)?;
-            for (p, _) in bits.iter().enumerate().filter(|(_, bit)| **bit == 1) {
+            for p in firing_pixels(frame) {
                 times[next[p]] = t as u32;
                 next[p] += 1;
             }

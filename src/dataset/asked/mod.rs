@@ -4,6 +4,7 @@ mod cameras;
 mod choices;
 mod options;
 mod splits;
+pub(super) mod texts;
 mod work;
 
 pub use cameras::Cameras;

@@ -14,7 +14,7 @@ use crate::light::Rate;
 use crate::presets;
 use crate::report::with_known;
 use crate::scene::labels::can_write_exr;
-use crate::scene::{Lighting, SamplesPerPixel, SceneOptions};
+use crate::scene::{Lighting, SceneOptions};
 
 /// A dataset.
 #[derive(Clone, Debug)]
@@ -84,7 +84,7 @@ impl DatasetOptions {
             images: Images::default(),
             camera_seed: 0,
             structure: Structure::default(),
-            splits: Splits { test: 0.2, ..Splits::default() },
+            splits: Splits::usual(),
             data_version: None,
             licence: None,
             threads: 1,
@@ -136,19 +136,8 @@ impl DatasetOptions {
     pub fn facts(&self) -> Result<Value> {
         let work = match &self.work {
             Work::Drives(d) => with_known(
-                json!({
-                    "kind": "drives", "sequences": d.sequences, "images": d.images,
-                    "readouts_per_image": d.readouts_per_image, "label_every": d.label_every,
-                    "samples": if d.samples == SamplesPerPixel::Four { 4 } else { 16 }, "npy": d.npy,
-                    "kitti": d.kitti, "exr": d.exr,
-                }),
-                [
-                    ("lighting", lights(&d.lighting)),
-                    ("flicker_hz", d.flicker_hz.map(Into::into)),
-                    ("vehicles", d.vehicles.map(Into::into)),
-                    ("speed_kmh", d.speed_kmh.map(Into::into)),
-                    ("white_cd_m2", d.white_cd_m2.map(Into::into)),
-                ],
+                serde_json::to_value(d).map_err(|e| Error::new(Kind::Config, "dataset").found(e))?,
+                [("kind", Some("drives".into()))],
             ),
             Work::Inputs(i) => with_known(
                 json!({
@@ -204,15 +193,6 @@ fn at_most(what: &str, found: u64, most: u64) -> Result<()> {
         .found(format_args!("{found} {what}"))
         .expected(format_args!("at most {most}"))
         .remedy("make several data sets"))
-}
-
-/// One light is said by its name, several as a list.
-fn lights(all: &[Lighting]) -> Option<Value> {
-    match all {
-        [] => None,
-        [one] => Some(one.name().into()),
-        all => Some(all.iter().map(|l| l.name()).collect::<Vec<_>>().into()),
-    }
 }
 
 /// What every scene of the dataset is asked to be.

@@ -35,17 +35,30 @@ impl Split {
 }
 
 /// Shares of the sequences, each 0 to 1; what is left is for training.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Splits {
     /// For validation.
+    #[serde(default)]
     pub validation: f64,
     /// For testing.
+    #[serde(default = "a_fifth")]
     pub test: f64,
     /// Whether every light has its share, to within one scene: of drawn scenes alone.
+    #[serde(default)]
     pub by_light: bool,
 }
 
+const fn a_fifth() -> f64 {
+    0.2
+}
+
 impl Splits {
+    /// A fifth for testing, the rest for training.
+    pub(in crate::dataset) const fn usual() -> Self {
+        Self { validation: 0.0, test: a_fifth(), by_light: false }
+    }
+
     pub(super) fn check(&self, work: &Work) -> Result<()> {
         let shares = [self.validation, self.test, self.validation + self.test];
         if shares.iter().any(|s| !(0.0..=1.0).contains(s)) {

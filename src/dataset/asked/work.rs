@@ -2,8 +2,10 @@
 
 use std::path::PathBuf;
 
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::texts;
 use crate::error::{Error, Kind};
 use crate::light::{Fit, Insertion, Transfer};
 use crate::scene::{Lighting, SamplesPerPixel};
@@ -31,6 +33,12 @@ impl Structure {
     }
 }
 
+impl std::fmt::Display for Structure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
 impl std::str::FromStr for Structure {
     type Err = Error;
 
@@ -44,17 +52,21 @@ impl std::str::FromStr for Structure {
 }
 
 /// Which clear images are kept, and how they are stored.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Images {
     /// Readouts from one to the next, from readout 0 on. Without it those of a scene's own images are
     /// kept, and of given inputs none.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub every: Option<u64>,
     /// How they are stored.
+    #[serde(rename = "as", deserialize_with = "texts::read", serialize_with = "texts::write")]
     pub form: ImageForm,
 }
 
 /// Random driving scenes.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(default, deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Drives {
     /// Number of scenes.
@@ -66,16 +78,26 @@ pub struct Drives {
     /// Images from one labelled image to the next; 0 for no labels.
     pub label_every: u32,
     /// The light of each scene is one of these, by its name; without any it is drawn by the scene's seed.
+    #[serde(
+        deserialize_with = "texts::read_lights",
+        serialize_with = "texts::write_lights",
+        skip_serializing_if = "Vec::is_empty"
+    )]
     pub lighting: Vec<Lighting>,
     /// Lamp flicker in hertz.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub flicker_hz: Option<f64>,
     /// Vehicles, or as many as the seed says.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub vehicles: Option<u32>,
     /// Wished speed in km/h, or what the seed says.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_kmh: Option<f64>,
     /// Luminance of full scale in cd/m2 for all scenes, or each scene's own white.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub white_cd_m2: Option<f32>,
     /// Colour samples of a pixel.
+    #[serde(deserialize_with = "texts::read_samples", serialize_with = "texts::write_samples")]
     pub samples: SamplesPerPixel,
     /// Also the clear images as linear `f32`.
     pub npy: bool,
@@ -100,6 +122,12 @@ crate::setters::with_methods!(Drives {
     with_kitti: kitti: bool,
     with_exr: exr: bool,
 });
+
+impl Default for Drives {
+    fn default() -> Self {
+        Self::rhdd()
+    }
+}
 
 impl Drives {
     /// Names of datasets that are known.
@@ -149,20 +177,35 @@ impl Drives {
 }
 
 /// Videos and image folders below a folder.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Inputs {
     /// Where they lie.
     pub folder: PathBuf,
     /// A text that names them, one path below the folder a line; without it all that the folder holds are taken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub list: Option<PathBuf>,
     /// Readouts of every frame; `None` as its times or rate say, see [`crate::light::Pace`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub readouts_per_frame: Option<u64>,
     /// Light between frames.
+    #[serde(default = "linear", deserialize_with = "texts::read", serialize_with = "texts::write")]
     pub insertion: Insertion,
     /// How frames come to the camera's size.
+    #[serde(default, deserialize_with = "texts::read", serialize_with = "texts::write")]
     pub fit: Fit,
     /// Declared transfer function.
+    #[serde(
+        default,
+        deserialize_with = "texts::read_some",
+        serialize_with = "texts::write_some",
+        skip_serializing_if = "Option::is_none"
+    )]
     pub transfer: Option<Transfer>,
+}
+
+const fn linear() -> Insertion {
+    Insertion::Linear
 }
 
 /// Where the light of a dataset comes from.

@@ -6,70 +6,27 @@ use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 use super::camera;
-use super::tables::{ImagesTable, InputsTable, ScenesTable, SplitsTable, said};
-use crate::dataset::{DatasetOptions, Drives, Images, Splits, Structure, Work};
+use crate::dataset::asked::texts;
+use crate::dataset::{DatasetOptions, Drives, Images, Inputs, Splits, Structure, Work};
 use crate::error::{Error, Kind, Result};
 use crate::inputs::Access;
 
 /// The version of the text that this program writes and reads.
 const VERSION: i64 = 1;
 
-/// The tables and their keys.
-const KEYS: [(&str, &[&str]); 5] = [
-    (
-        "",
-        &[
-            "dataset",
-            "seed",
-            "scene_seed",
-            "camera_seed",
-            "structure",
-            "version",
-            "licence",
-            "scenes",
-            "inputs",
-            "images",
-            "splits",
-            "camera",
-        ],
-    ),
-    (
-        "scenes",
-        &[
-            "kind",
-            "sequences",
-            "images",
-            "readouts_per_image",
-            "label_every",
-            "lighting",
-            "flicker_hz",
-            "vehicles",
-            "speed_kmh",
-            "white_cd_m2",
-            "samples",
-            "npy",
-            "kitti",
-            "exr",
-        ],
-    ),
-    ("inputs", &["folder", "list", "readouts_per_frame", "insertion", "fit", "transfer"]),
-    ("images", &["every", "as"]),
-    ("splits", &["validation", "test", "by_light"]),
-];
-
-/// Refuses keys that there are not, and asks for the nearest.
-pub(super) fn check_keys(table: &Table) -> Result<()> {
-    for (name, keys) in KEYS {
-        let part = if name.is_empty() { Some(table) } else { table.get(name).and_then(Value::as_table) };
-        for key in part.into_iter().flat_map(Table::keys) {
-            if !keys.contains(&key.as_str()) {
-                let place = if name.is_empty() { "dataset.toml".to_owned() } else { format!("[{name}]") };
-                return Err(Error::new(Kind::Config, place)
-                    .found(format_args!("`{key}`"))
-                    .expected(keys.join(", "))
-                    .or_nearest(key, keys.iter().copied()));
-            }
-        }
+/// Replaces the `kind` of `[scenes]` by the options of that kind that the table does not set.
+pub(super) fn expand_kind(table: &mut Table) -> Result<()> {
+    let Some(scenes) = table.get_mut("scenes").and_then(Value::as_table_mut) else { return Ok(()) };
+    let Some(kind) = scenes.remove("kind") else { return Ok(()) };
+    let drives = kind.as_str().and_then(Drives::preset).ok_or_else(|| {
+        Error::new(Kind::Config, "scenes.kind")
+            .found(&kind)
+            .expected(Drives::PRESETS.join(", "))
+            .or_nearest(kind.as_str().unwrap_or_default(), Drives::PRESETS)
+    })?;
+    let options = Table::try_from(&drives).map_err(|e| Error::new(Kind::Config, "scenes.kind").found(e))?;
+    for (key, value) in options {
+        scenes.entry(key).or_insert(value);
     }
     Ok(())
 }
@@ -84,20 +41,20 @@ pub(super) struct File {
     scene_seed: Value,
     #[serde(default = "zero")]
     camera_seed: Value,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    structure: Option<String>,
+    #[serde(default, deserialize_with = "texts::read", serialize_with = "texts::write")]
+    structure: Structure,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     version: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     licence: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    scenes: Option<ScenesTable>,
+    scenes: Option<Drives>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    inputs: Option<InputsTable>,
+    inputs: Option<Inputs>,
     #[serde(default)]
-    images: ImagesTable,
-    #[serde(default)]
-    splits: SplitsTable,
+    images: Images,
+    #[serde(default = "Splits::usual")]
+    splits: Splits,
     #[serde(default = "physical")]
     camera: Value,
 }
@@ -126,28 +83,31 @@ fn seed_of(key: &str, value: &Value) -> Result<u64> {
     })
 }
 
+/// The inputs by absolute paths: the text may lie in another folder.
+fn absolute(inputs: &Inputs) -> Result<Inputs> {
+    let whole = |path: &Path| std::path::absolute(path).map_err(|e| Error::io(path.display(), e));
+    let list = inputs.list.as_deref().map(whole).transpose()?;
+    Ok(Inputs { folder: whole(&inputs.folder)?, list, ..inputs.clone() })
+}
+
 impl File {
     pub(super) fn of(options: &DatasetOptions, maps: &mut Vec<(String, Vec<u8>)>) -> Result<Self> {
         let (scenes, inputs) = match &options.work {
-            Work::Drives(drives) => (Some(ScenesTable::of(drives)), None),
-            Work::Inputs(inputs) => (None, Some(InputsTable::of(inputs)?)),
+            Work::Drives(drives) => (Some(drives.clone()), None),
+            Work::Inputs(inputs) => (None, Some(absolute(inputs)?)),
         };
-        let Splits { validation, test, by_light } = options.splits;
         Ok(Self {
             dataset: VERSION,
             seed: seed_value(options.seed),
             scene_seed: seed_value(options.scene_seed),
             camera_seed: seed_value(options.camera_seed),
-            structure: Some(options.structure.name().to_owned()),
+            structure: options.structure,
             version: options.data_version.clone(),
             licence: options.licence.clone(),
             scenes,
             inputs,
-            images: ImagesTable {
-                every: options.images.every,
-                form: Some(options.images.form.name().to_owned()),
-            },
-            splits: SplitsTable { validation, test, by_light },
+            images: options.images,
+            splits: options.splits,
             camera: camera::write(options, maps)?,
         })
     }
@@ -160,8 +120,12 @@ impl File {
                 .remedy("make it with the version of the program that wrote it"));
         }
         let work = match (self.scenes, self.inputs) {
-            (Some(scenes), None) => Work::Drives(scenes.drives()?),
-            (None, Some(inputs)) => Work::Inputs(inputs.inputs(folder)?),
+            (Some(drives), None) => Work::Drives(drives),
+            (None, Some(inputs)) => Work::Inputs(Inputs {
+                folder: folder.join(inputs.folder),
+                list: inputs.list.map(|list| folder.join(list)),
+                ..inputs
+            }),
             (None, None) => Work::Drives(Drives::rhdd()),
             (Some(_), Some(_)) => {
                 return Err(Error::new(Kind::Config, "dataset.toml")
@@ -170,18 +134,14 @@ impl File {
             }
         };
         let (camera, cameras) = camera::read(&self.camera, folder, access)?;
-        let SplitsTable { validation, test, by_light } = self.splits;
         Ok(DatasetOptions {
             cameras,
             seed: seed_of("seed", &self.seed)?,
             scene_seed: seed_of("scene_seed", &self.scene_seed)?,
             camera_seed: seed_of("camera_seed", &self.camera_seed)?,
-            images: Images {
-                every: self.images.every,
-                form: said("images.as", self.images.form.as_ref())?.unwrap_or_default(),
-            },
-            structure: said::<Structure>("structure", self.structure.as_ref())?.unwrap_or_default(),
-            splits: Splits { validation, test, by_light },
+            images: self.images,
+            structure: self.structure,
+            splits: self.splits,
             data_version: self.version,
             licence: self.licence,
             ..DatasetOptions::new(PathBuf::new(), work, camera)

@@ -4,6 +4,7 @@ use super::journal;
 use super::lock;
 use super::plan::Plan;
 use crate::error::Result;
+use crate::measure::upper_median;
 
 /// A shard that somebody is at.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -67,7 +68,6 @@ pub fn status(plan: &Plan, watch: &mut dyn FnMut(u64) -> Result<()>) -> Result<S
             standing.missing.push(shard);
         }
     }
-    seconds.sort_by(f64::total_cmp);
-    standing.seconds_per_shard = seconds.get(seconds.len() / 2).copied();
+    standing.seconds_per_shard = (!seconds.is_empty()).then(|| upper_median(&mut seconds));
     Ok(standing)
 }

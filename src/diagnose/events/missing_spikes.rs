@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use crate::diagnose::recording::bits::BANDS;
 use crate::diagnose::recording::bits::{PixelBits, count_between};
+use crate::spikes::set_bits;
 use crate::threads;
 
 /// Mean interval from which on a missing spike shows: twice 2.3 less one is more than three.
@@ -199,9 +200,6 @@ fn collect(words: &[u64], flip: u64, range: &Range<usize>, times: &mut Vec<u32>)
         if w == range.end / 64 {
             word &= (1 << (range.end % 64)) - 1;
         }
-        while word != 0 {
-            times.push(64 * w as u32 + word.trailing_zeros());
-            word &= word - 1;
-        }
+        times.extend(set_bits(word).map(|bit| 64 * w as u32 + bit));
     }
 }

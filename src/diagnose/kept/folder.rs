@@ -1,13 +1,13 @@
 //! A folder of vectors, a file each.
 
 use std::fs;
-use std::hash::Hasher;
+use std::hash::{Hash as _, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::program;
 use crate::error::{Error, Result};
+use crate::kernels::Backend;
 use crate::storage::{write_renewable, write_small};
 
 /// Programs that make backups leave a folder out that holds this (<https://bford.info/cachedir/>).
@@ -16,7 +16,11 @@ const TAGGED: &str = "Signature: 8a477f597d28d172789f06886806bc55
 # Simulations that spikelane keeps for further diagnoses. Any file of this folder may be deleted: it is made again when it is needed.
 ";
 
-/// Those of this program in a folder. A file appears whole, so that what was made before a diagnosis was stopped is kept, and several
+/// Version of the numbers that simulations give. Raise it in each change of them:
+/// `sensors::key::tests::changed_results_have_another_version` fails until it is raised.
+pub(in crate::diagnose) const RESULTS_VERSION: u32 = 1;
+
+/// Those of this version in a folder. A file appears whole, so that what was made before a diagnosis was stopped is kept, and several
 /// processes may use one folder.
 #[derive(Clone, Debug)]
 pub(in crate::diagnose) struct Kept(Arc<Folder>);
@@ -24,7 +28,6 @@ pub(in crate::diagnose) struct Kept(Arc<Folder>);
 #[derive(Debug)]
 struct Folder {
     path: PathBuf,
-    program: blake3::Hash,
     found: AtomicUsize,
     made: AtomicUsize,
 }
@@ -35,14 +38,13 @@ pub(in crate::diagnose) type Key = blake3::Hash;
 impl Kept {
     /// `folder` is made if it is not there.
     pub fn open(folder: &Path) -> Result<Self> {
-        let program = program::digest()?;
-        let path = folder.join(&program.to_hex()[..16]);
+        let path = folder.join(format!("{}-{RESULTS_VERSION}", env!("CARGO_PKG_VERSION")));
         let asked = |e: Error| e.remedy("give another folder for simulations, or allow writing to this one");
         fs::create_dir_all(&path)
             .map_err(|e| Error::io(path.display(), e).expected("a folder that can be made"))
             .map_err(asked)?;
         write_small(&path.join(TAG), TAGGED.as_bytes(), true).map_err(asked)?;
-        Ok(Self(Arc::new(Folder { path, program, found: AtomicUsize::new(0), made: AtomicUsize::new(0) })))
+        Ok(Self(Arc::new(Folder { path, found: AtomicUsize::new(0), made: AtomicUsize::new(0) })))
     }
 
     /// How many simulations were found since it was opened.
@@ -55,9 +57,13 @@ impl Kept {
         self.0.made.load(Ordering::Relaxed)
     }
 
-    /// The key of what `hash` hashes, for this program.
+    /// The key of what `hash` hashes, on this kind of machine: Fourier transforms and a system's logarithms have a last digit for each
+    /// system and instruction set.
     pub fn key(&self, hash: impl FnOnce(&mut Keyed)) -> Key {
-        let mut keyed = Keyed(blake3::Hasher::new_keyed(self.0.program.as_bytes()));
+        let mut keyed = Keyed(blake3::Hasher::new());
+        let sets = Backend::ALL.into_iter().filter(|b| b.available()).map(Backend::name);
+        let machine = [std::env::consts::OS, std::env::consts::ARCH].into_iter().chain(sets);
+        machine.for_each(|name| name.hash(&mut keyed));
         hash(&mut keyed);
         keyed.0.finalize()
     }

@@ -1,7 +1,6 @@
 //! Vectors that earlier diagnoses have simulated already.
 //!
-//! A vector is a function of protocol, camera, lamps and seed, and of the code that simulates. Where all of these are the same to the bit,
-//! it is taken from a folder; a neighbour's is never taken in its place.
+//! A vector is a function of protocol, camera, lamps and seed, which its key contains to the last bit, and of the code that simulates,
+//! which [`RESULTS_VERSION`](folder::RESULTS_VERSION) identifies.
 
 pub(super) mod folder;
-mod program;

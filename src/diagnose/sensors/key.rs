@@ -35,7 +35,8 @@ mod tests {
     use super::*;
     use crate::calibrate::{Light, Pattern};
     use crate::diagnose::events::located::Located;
-    use crate::effects::{dead_time, dropped_readouts};
+    use crate::diagnose::kept::folder::RESULTS_VERSION;
+    use crate::effects::{Catalogue, dead_time, dropped_readouts};
     use crate::spikes::Geometry;
 
     fn setup() -> Setup {
@@ -106,6 +107,34 @@ mod tests {
             changed(|_, sample| sample.pinned = lost(8)),
         ];
         assert_eq!(HashSet::from(keys).len(), keys.len());
+    }
+
+    /// The mean of the vectors of each effect at its typical strength, each entry with a weight of its own.
+    fn mean_of_results() -> f64 {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for maps in [false, true] {
+            for effect in Catalogue::new().all() {
+                let setup = Setup { maps, ..setup() };
+                let camera = sample().camera.with(effect.typical());
+                for (i, value) in
+                    values(&setup, &Sample { camera, ..sample() }, 3).unwrap().iter().enumerate()
+                {
+                    sum += value * (i % 101 + 1) as f64;
+                    count += 1.0;
+                }
+            }
+        }
+        sum / count
+    }
+
+    /// If this fails, simulations give other numbers: raise `RESULTS_VERSION`, and record the new mean with it.
+    #[test]
+    fn changed_results_have_another_version() {
+        let (recorded_version, recorded_mean) = (1, 2.374_734_856_690_362_8);
+        assert_eq!(RESULTS_VERSION, recorded_version);
+        // Systems and instruction sets differ in the last digits.
+        let mean = mean_of_results();
+        assert!((mean / recorded_mean - 1.0_f64).abs() < 1e-11, "was {recorded_mean:?}, is {mean:?}");
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::transforms::transforms;
 use crate::diagnose::protocol::recorded::Scene;
 use crate::diagnose::recording::scan::Scan;
 use crate::kernels::counting;
+use crate::measure::squared_magnitudes;
 
 /// Highest frequency at which lines are looked for, in cycles per readout: bright pixels' own
 /// rates lie above.
@@ -82,13 +83,12 @@ fn jumps(v: &mut Vector, k: usize, scan: &Scan) {
 pub(in crate::diagnose) fn power(totals: &[u32]) -> Vec<f64> {
     let n = totals.len();
     let mean = totals.iter().map(|c| f64::from(*c)).sum::<f64>() / n.max(1) as f64;
-    let mut input: Vec<f64> = totals.iter().map(|c| f64::from(*c) - mean).collect();
-    let [fft] = transforms([n]);
-    let mut output = fft.make_output_vec();
-    if n < 2 || fft.process(&mut input, &mut output).is_err() {
+    if n < 2 {
         return Vec::new();
     }
-    output.iter().map(|c| c.norm_sqr() / (n as f64 * mean.max(1e-9))).collect()
+    let [fft] = transforms([n]);
+    let squares = squared_magnitudes(&*fft, totals, std::iter::repeat(1.0)).unwrap_or_default();
+    squares.iter().map(|square| square / (n as f64 * mean.max(1e-9))).collect()
 }
 
 /// The frequency near `place` at which all of `totals` together have most power, in cycles per readout: between two frequencies of a

@@ -3,6 +3,7 @@
 use realfft::RealFftPlanner;
 
 use super::clusters::widened_square;
+use crate::measure::spectrum::squared_magnitudes;
 
 /// Standard error of the variance of `totals`, in spikes squared.
 ///
@@ -16,18 +17,15 @@ pub(in crate::measure) fn variance_error(totals: &[u32]) -> f64 {
         return f64::NAN;
     }
     let transform = RealFftPlanner::<f64>::new().plan_fft_forward(n);
-    let mean = totals.iter().map(|t| f64::from(*t)).sum::<f64>() / n as f64;
-    let mut input: Vec<f64> = totals.iter().map(|t| f64::from(*t) - mean).collect();
-    let mut bins = transform.make_output_vec();
-    if transform.process(&mut input, &mut bins).is_err() {
+    let Ok(squares) = squared_magnitudes(&*transform, totals, std::iter::repeat(1.0)) else {
         return f64::NAN;
-    }
-    let last = bins.len() - 1;
+    };
+    let last = squares.len() - 1;
     // A bin has two degrees of freedom, the one at half a cycle per readout has one: its square is three times what it counts for.
     let (mut variance, mut square) = (0.0, 0.0);
-    for (k, bin) in bins.iter().enumerate().skip(1) {
+    for (k, magnitude) in squares.iter().enumerate().skip(1) {
         let alone = k == last && n.is_multiple_of(2);
-        let power = bin.norm_sqr() / (n as f64 * n as f64) * if alone { 1.0 } else { 2.0 };
+        let power = magnitude / (n as f64 * n as f64) * if alone { 1.0 } else { 2.0 };
         variance += power;
         square += power * power * if alone { 2.0 / 3.0 } else { 0.5 };
     }

@@ -21,7 +21,7 @@ use std::ops::Range;
 use super::block::{Block, CAPACITY};
 use super::counts::NEVER;
 use crate::kernels::{Bits, Places, SLACK, Shorts, WORDS, Work, counting_with};
-use crate::spikes::Geometry;
+use crate::spikes::{Geometry, set_bits};
 use decode::{Histories, History};
 use lengths::Tally;
 use parts::Open;
@@ -257,11 +257,7 @@ impl State {
         times.clear();
         times.extend_from_slice(&history[self.depth - known..]);
         for (word, bits) in words.iter().enumerate() {
-            let mut bits = *bits;
-            while bits != 0 {
-                times.push(start + 64 * word as u32 + bits.trailing_zeros());
-                bits &= bits - 1;
-            }
+            times.extend(set_bits(*bits).map(|bit| start + 64 * word as u32 + bit));
         }
         let lags = &self.result.lags;
         let sums = &mut self.result.sums[p * lags.len()..(p + 1) * lags.len()];

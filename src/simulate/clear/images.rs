@@ -96,6 +96,12 @@ impl ImageForm {
     }
 }
 
+impl std::fmt::Display for ImageForm {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
 impl std::str::FromStr for ImageForm {
     type Err = Error;
 

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Kind, Result};
 use crate::light::{Frame, Source, Timeline};
-use crate::simulate::feed::{Feeder, Piece};
+use crate::simulate::feed::{Feeder, Piece, next_frame};
 
 /// The light of one readout near the middle of a run, to show beside what was made of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,10 +52,7 @@ pub fn light_at(source: &mut dyn Source, timeline: Timeline, readout: u64) -> Re
             .found("an end")
             .expected(format_args!("light for readout {readout}, counted from 0"))
     };
-    let mut first = Frame::dark(source.geometry());
-    if !source.next_frame(&mut first)? {
-        return Err(ended());
-    }
+    let first = next_frame(source)?.ok_or_else(ended)?;
     let mut feeder = Feeder::new(source, first, timeline, readout.saturating_add(1), 1.0);
     feeder.skip_to(readout);
     let pieces = feeder.fill(1, 1)?;

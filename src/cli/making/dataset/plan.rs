@@ -1,10 +1,11 @@
 //! `spikelane dataset plan`.
 
+use indicatif::DecimalBytes;
 use serde_json::json;
 
 use super::description::Description;
 use super::said::say_skipped;
-use crate::cli::shared::output::{Out, bytes_text};
+use crate::cli::shared::output::Out;
 use crate::dataset::Work;
 use crate::dataset::shards::Plan;
 use crate::{Error, Result};
@@ -42,7 +43,7 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let (plan, kept) = Plan::make(&options, args.per_shard, args.pack)?;
     let last = plan.shards().saturating_sub(1);
     let bytes = plan.estimated_bytes()?;
-    let size = bytes.map_or(String::new(), |bytes| format!(", about {}", bytes_text(bytes)));
+    let size = bytes.map_or(String::new(), |bytes| format!(", about {}", DecimalBytes(bytes)));
     let text = format!(
         "{}: {} sequences in {} shards{size}{}\nrun them: --array=0-{last} with 'spikelane dataset run {} --shard K'\n",
         plan.folder.display(),

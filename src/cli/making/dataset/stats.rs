@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use indicatif::DecimalBytes;
 use serde_json::json;
 
 use crate::cli::shared::output::Out;
@@ -48,7 +49,7 @@ fn text(stats: &Stats) -> String {
         "{} sequences, {} readouts, {}, {} set aside\n",
         stats.splits.values().sum::<u64>(),
         stats.readouts,
-        crate::cli::shared::output::bytes_text(stats.bytes),
+        DecimalBytes(stats.bytes),
         stats.set_aside
     );
     for (what, counts) in [
