@@ -3,17 +3,17 @@
 //! bits are compared with the reference before anything is timed.
 
 // The report needs more of this file than the benchmark does.
-#[path = "../src/cli/bench/scalar.rs"]
+#[path = "../crates/cli/src/bench/scalar.rs"]
 mod scalar;
 
-#[path = "../src/cli/bench/timing.rs"]
+#[path = "../crates/cli/src/bench/timing.rs"]
 mod timing;
 
 use std::time::{Duration, Instant};
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use spikelane::effects::find;
-use spikelane::kernels::{self, Batch, Job, Light, Samples, Segment};
+use spikelane::unstable::kernels::{self, Batch, Job, Light, Samples, Segment};
 use spikelane::{Backend, Camera, Plan, Seeds, Sensor, State};
 
 const PIXELS: usize = 100_000;

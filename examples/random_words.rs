@@ -4,8 +4,8 @@
 
 use std::io::{BufWriter, Write};
 
-use spikelane::draws::hash::{Clock, Round, bits, key};
-use spikelane::draws::{Seeds, Stream};
+use spikelane::unstable::draws::hash::{Clock, Round, bits, key};
+use spikelane::unstable::draws::{Seeds, Stream};
 
 /// Pairs of a 400x250 sensor.
 const PAIRS: u32 = 50_000;

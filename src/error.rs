@@ -179,7 +179,7 @@ impl Error {
 
     /// Refuses `what` where this build lacks the feature that it needs; `here` is whether it has it.
     #[cfg(feature = "presets")]
-    pub(crate) fn require(what: impl fmt::Display, feature: &str, here: bool) -> Result<()> {
+    pub fn require(what: impl fmt::Display, feature: &str, here: bool) -> Result<()> {
         if here {
             return Ok(());
         }
@@ -207,7 +207,7 @@ impl Error {
 
     /// The same error where a file, and not the command line, has the wrong value.
     #[cfg(feature = "presets")]
-    pub(crate) const fn usage_as_config(mut self) -> Self {
+    pub const fn usage_as_config(mut self) -> Self {
         if matches!(self.kind, Kind::Usage) {
             self.kind = Kind::Config;
         }
@@ -242,7 +242,7 @@ impl Error {
 
 impl Error {
     /// The message, with all characters as they are in names and files.
-    pub(crate) fn raw_message(&self) -> String {
+    pub fn raw_message(&self) -> String {
         let (mut message, mut separator) = (self.subject.clone(), ": ");
         for (label, text) in [("found ", &self.found), ("expected ", &self.expected), ("", &self.remedy)] {
             if !text.is_empty() {
@@ -263,7 +263,7 @@ impl fmt::Display for Error {
 
 /// `text` as a terminal may show it: control characters but line feeds and tabs, and characters that change the direction of
 /// text or are invisible separators of lines, are escaped as `\u{1b}`.
-pub(crate) fn printable(text: &str) -> Cow<'_, str> {
+pub fn printable(text: &str) -> Cow<'_, str> {
     let is_unsafe = |c: char| {
         (c.is_control() && c != '\n' && c != '\t')
             || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')

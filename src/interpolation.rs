@@ -1,7 +1,7 @@
 //! Values between samples.
 
 /// Catmull-Rom weights of the four samples around a place `t`, 0 to 1, beyond the second.
-pub(crate) fn catmull_rom(t: f32) -> [f32; 4] {
+pub fn catmull_rom(t: f32) -> [f32; 4] {
     let (t2, t3) = (t * t, t * t * t);
     [
         0.5 * (2.0 * t2 - t - t3),

@@ -32,94 +32,29 @@
 //! # Ok::<(), spikelane::Error>(())
 //! ```
 //!
-//! `docs/README.md` lists the pages by what a reader asks: guides, reference, why it
-//! can be trusted, and what was tried on the way.
+//! Files, scenes, measurements, calibration, data sets and the program are packages of their own beside this one:
+//! `spikelane-io`, `spikelane-scene`, `spikelane-measure`, `spikelane-calibrate`, `spikelane-dataset`, `spikelane-cli`.
 
-// What is public for this crate's own benches and tests alone is linted with them, and with the program, which uses all of it.
-#![cfg_attr(
-    not(all(feature = "internals", feature = "cli")),
-    allow(unreachable_pub, dead_code, unused_imports)
-)]
-
-#[cfg(all(feature = "files", feature = "threads"))]
-pub mod calibrate;
-#[cfg(feature = "cli")]
-pub mod cli;
-#[cfg(all(feature = "files", feature = "threads"))]
-#[allow(unreachable_pub, reason = "what its rooms share is not narrowed yet")]
-pub mod diagnose;
+mod draws;
 pub mod effects;
 pub mod error;
-#[cfg(feature = "files")]
-pub mod formats;
-#[cfg(feature = "presets")]
-#[allow(dead_code, reason = "some features use a part of it")]
 mod inputs;
 mod interpolation;
+mod kernels;
 pub mod light;
-pub mod measure;
+mod npy;
 pub mod pixel;
+mod plan;
 #[cfg(feature = "presets")]
 pub mod presets;
 pub mod reconstruct;
-#[cfg(feature = "scene")]
-pub mod scene;
 pub mod sensor;
 mod setters;
 pub mod simulate;
 pub mod spikes;
+mod threads;
 pub mod units;
-
-#[doc(hidden)]
-pub mod threads;
-
-#[cfg(all(feature = "files", feature = "threads", feature = "internals"))]
-#[doc(hidden)]
-pub mod compare;
-#[cfg(all(feature = "files", feature = "threads", not(feature = "internals")))]
-mod compare;
-#[cfg(all(feature = "scene", feature = "internals"))]
-#[doc(hidden)]
-pub mod dataset;
-#[cfg(all(feature = "scene", not(feature = "internals")))]
-mod dataset;
-#[cfg(feature = "internals")]
-#[doc(hidden)]
-pub mod draws;
-#[cfg(not(feature = "internals"))]
-mod draws;
-#[cfg(feature = "internals")]
-#[doc(hidden)]
-#[allow(unreachable_pub, reason = "what its rooms share is not narrowed yet")]
-pub mod kernels;
-#[cfg(not(feature = "internals"))]
-mod kernels;
-#[cfg(all(feature = "files", feature = "internals"))]
-#[doc(hidden)]
-pub mod live;
-#[cfg(all(feature = "files", not(feature = "internals")))]
-mod live;
-#[cfg(all(feature = "presets", feature = "internals"))]
-#[doc(hidden)]
-pub mod npy;
-#[cfg(all(feature = "presets", not(feature = "internals")))]
-mod npy;
-#[cfg(feature = "internals")]
-#[doc(hidden)]
-#[allow(unreachable_pub, reason = "what its rooms share is not narrowed yet")]
-pub mod plan;
-#[cfg(not(feature = "internals"))]
-mod plan;
-#[cfg(all(feature = "files", feature = "internals"))]
-#[doc(hidden)]
-pub mod report;
-#[cfg(all(feature = "files", not(feature = "internals")))]
-mod report;
-#[cfg(all(feature = "files", feature = "internals"))]
-#[doc(hidden)]
-pub mod storage;
-#[cfg(all(feature = "files", not(feature = "internals")))]
-mod storage;
+pub mod unstable;
 
 pub use draws::pattern::Pattern;
 pub use draws::{Seeds, Stream};
@@ -130,12 +65,3 @@ pub use plan::{Plan, State};
 pub use sensor::Sensor;
 pub use simulate::Simulator;
 pub use spikes::{Geometry, Packed};
-
-// The examples of these pages run with the tests.
-#[cfg(all(doctest, feature = "files"))]
-#[doc = include_str!("../docs/guides/embedding.md")]
-struct Embedding;
-
-#[cfg(all(doctest, feature = "scene"))]
-#[doc = include_str!("../docs/reference/scenes.md")]
-struct Scenes;

@@ -1,6 +1,7 @@
 //! Methods that set one public field each, for options that others may grow by.
 
 /// `with_methods!(Options { with_seed: seed: u64 })` gives `Options::with_seed(self, u64) -> Self`.
+#[macro_export]
 macro_rules! with_methods {
     ($owner:ty { $($method:ident: $field:ident: $kind:ty),+ $(,)? }) => {
         impl $owner {
@@ -16,4 +17,4 @@ macro_rules! with_methods {
     };
 }
 
-pub(crate) use with_methods;
+pub use with_methods;

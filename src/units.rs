@@ -11,7 +11,7 @@ use crate::error::{Error, Kind, Result};
 pub(crate) const ELECTRON_FC: f64 = 1.602_176_634e-4;
 
 /// Boltzmann's constant in joules per kelvin (CODATA 2018, exact).
-pub(crate) const BOLTZMANN_J_PER_K: f64 = 1.380_649e-23;
+pub const BOLTZMANN_J_PER_K: f64 = 1.380_649e-23;
 
 /// The unit in which a parameter is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

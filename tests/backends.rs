@@ -5,10 +5,10 @@ use std::sync::Once;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use spikelane::Simulator;
-use spikelane::draws::Seeds;
+use spikelane::unstable::draws::Seeds;
 use spikelane::effects::{self, Camera};
-use spikelane::kernels::{self, Backend, Batch, Job, Light, Samples, Segment};
-use spikelane::plan::{Plan, State};
+use spikelane::unstable::kernels::{self, Backend, Batch, Job, Light, Samples, Segment};
+use spikelane::unstable::plan::{Plan, State};
 use spikelane::sensor::Sensor;
 use spikelane::simulate::FrameRef;
 

@@ -6,7 +6,7 @@ mod common_oracle;
 use common_oracle::{Estimate, Independent, Times, camera_with, charges, correlation, seeds};
 use spikelane::effects::{self, Circuit};
 use spikelane::pixel::{Frame, Law, Noise};
-use spikelane::plan::State;
+use spikelane::unstable::plan::State;
 use spikelane::simulate::FrameRef;
 use spikelane::spikes::bit;
 use spikelane::{Backend, Camera, Geometry, Plan, Simulator};
@@ -260,15 +260,10 @@ fn pieces(
     (all, state)
 }
 
-#[cfg(feature = "threads")]
 fn with_threads(simulator: Simulator, threads: usize) -> Simulator {
     simulator.with_threads(threads).unwrap()
 }
 
-#[cfg(not(feature = "threads"))]
-fn with_threads(simulator: Simulator, _: usize) -> Simulator {
-    simulator
-}
 
 #[test]
 fn the_saved_state_of_another_rare_operation_is_refused() {

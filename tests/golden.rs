@@ -3,12 +3,11 @@
 //! They are final: a changed bit is a breaking change, with a new version and a line in the
 //! changelog. `GOLDEN_PRINT=1` with `--nocapture` prints `golden.json` anew.
 
-#![cfg(feature = "presets")]
 
 mod common_oracle;
 
 use common_oracle::{camera_with, preset, sized};
-use spikelane::kernels::Samples;
+use spikelane::unstable::kernels::Samples;
 use spikelane::simulate::FrameRef;
 use spikelane::{Backend, Camera, Plan, Seeds, Simulator, effects, presets};
 

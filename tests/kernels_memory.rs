@@ -2,9 +2,9 @@
 //! bits. The guards catch a write that lands beside; `tests/memcheck.sh` runs
 //! this under valgrind and AddressSanitizer, which catch reads as well.
 
-use spikelane::draws::Seeds;
+use spikelane::unstable::draws::Seeds;
 use spikelane::effects::find;
-use spikelane::kernels::{self, Backend, Batch, Job, Light, Samples, Segment};
+use spikelane::unstable::kernels::{self, Backend, Batch, Job, Light, Samples, Segment};
 use spikelane::{Camera, Plan, Sensor};
 
 /// Enough for counts to be drawn together.

@@ -6,8 +6,8 @@
 //! independent. The bound is five of them: 6e-7 per comparison by chance, so
 //! below 1e-4 for all 130 here. With the seeds fixed it is no chance at all.
 
-use spikelane::draws::hash::{Clock, bits, half, key};
-use spikelane::draws::{Seeds, Stream, gauss};
+use spikelane::unstable::draws::hash::{Clock, bits, half, key};
+use spikelane::unstable::draws::{Seeds, Stream, gauss};
 
 const PIXELS: usize = 100_000;
 const READOUTS: usize = 100;

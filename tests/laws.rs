@@ -5,7 +5,7 @@ mod common_oracle;
 
 use common_oracle::{camera_with, correlation, packed, planned, preset, seeds, spread_light};
 use proptest::prelude::*;
-use spikelane::plan::State;
+use spikelane::unstable::plan::State;
 use spikelane::simulate::FrameRef;
 use spikelane::spikes::{Geometry, bit};
 use spikelane::{Camera, Plan, Seeds, Simulator};
@@ -139,15 +139,10 @@ fn run_in_pieces(
     (all, simulator.state().clone())
 }
 
-#[cfg(feature = "threads")]
 fn with_threads(simulator: Simulator, threads: usize) -> Simulator {
     simulator.with_threads(threads).unwrap()
 }
 
-#[cfg(not(feature = "threads"))]
-fn with_threads(simulator: Simulator, _: usize) -> Simulator {
-    simulator
-}
 
 fn any_camera() -> impl Strategy<Value = Camera> {
     let names = ["ideal", "physical", "scsim-code", "scsim-paper", "spikingsim", "spikecv-image"];
@@ -191,7 +186,7 @@ proptest! {
             Simulator::of_plan(plan.clone()).push(frame, &mut bytes).unwrap();
             bytes
         };
-        let samples = spikelane::kernels::Samples::U16(&wide);
+        let samples = spikelane::unstable::kernels::Samples::U16(&wide);
         prop_assert!(run(FrameRef::u16(&dense, geometry)) == run(FrameRef::strided(samples, stride)));
     }
 

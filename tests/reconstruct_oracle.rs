@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use spikelane::reconstruct::{
-    TfpSequence, difference_noise, isi_map, patch_noise, psnr, span, ssim, tfi, tfi_at, tfp,
+    TfpSequence, isi_map, psnr, span, ssim, tfi, tfi_at, tfp,
 };
 use spikelane::{Geometry, Kind, Packed};
 
@@ -279,46 +279,4 @@ fn pictures_that_do_not_match_are_usage_errors() {
     assert_eq!(psnr(&[0.0; 3], &[0.0; 4], 1.0).unwrap_err().kind(), Kind::Usage);
     assert_eq!(psnr(&[0.0; 3], &[0.0; 3], 0.0).unwrap_err().kind(), Kind::Usage);
     assert_eq!(psnr(&[], &[], 1.0).unwrap_err().kind(), Kind::Usage);
-}
-
-/// Normal noise of known width over a slope or a soft pattern.
-fn noisy(sigma: f64, pattern: impl Fn(f64, f64) -> f64) -> (Geometry, Vec<f32>) {
-    let geometry = Geometry::new(200, 150).unwrap();
-    let mut state = 7_u64;
-    let mut unit = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((state >> 11) as f64 + 0.5) / (1u64 << 53) as f64
-    };
-    let value = |p: usize| {
-        let normal = (-2.0 * unit().ln()).sqrt() * (std::f64::consts::TAU * unit()).cos();
-        (pattern((p % 200) as f64, (p / 200) as f64) + sigma * normal) as f32
-    };
-    (geometry, (0..geometry.pixels()).map(value).collect())
-}
-
-/// 30,000 pixels give a width to `1 / sqrt(60,000)`, 0.4 %; the smallest eigenvalues of patches that
-/// overlap scatter more (3 %, from 3,000 patches in 64 dimensions).
-#[test]
-fn blind_estimates_find_noise_of_a_known_width() {
-    let slope = |x: f64, y: f64| 0.2 + 0.001 * x + 0.002 * y;
-    let waves = |x: f64, y: f64| 0.5 + 0.2 * (x / 15.0).sin() * (y / 11.0).cos();
-    for sigma in [0.002, 0.02, 0.1] {
-        let (g, picture) = noisy(sigma, slope);
-        let (patch, difference) = (patch_noise(&picture, g).unwrap(), difference_noise(&picture, g).unwrap());
-        assert!((patch / sigma - 1.0).abs() < 0.06, "{patch} for {sigma}");
-        assert!((difference / sigma - 1.0).abs() < 0.02, "{difference} for {sigma}");
-        let (g, picture) = noisy(sigma, waves);
-        let patch = patch_noise(&picture, g).unwrap();
-        assert!((patch / sigma - 1.0).abs() < 0.08, "{patch} for {sigma} over waves");
-    }
-    let (g, still) = noisy(0.0, slope);
-    assert!(patch_noise(&still, g).unwrap() < 1e-6 && difference_noise(&still, g).unwrap() < 1e-6);
-}
-
-#[test]
-fn noise_of_a_picture_too_small_is_refused() {
-    let g = Geometry::new(20, 20).unwrap();
-    assert_eq!(patch_noise(&vec![0.0; 400], g).unwrap_err().kind(), Kind::Usage);
-    let g = Geometry::new(2, 20).unwrap();
-    assert_eq!(difference_noise(&[0.0; 40], g).unwrap_err().kind(), Kind::Usage);
 }

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use spikelane::Kind;
-use spikelane::formats::{Origin, Reader};
+use spikelane_io::formats::{Origin, Reader};
 
 static STREAM: LazyLock<PathBuf> = LazyLock::new(|| {
     let stream = spikelane_fuzz::folder("config-yaml").join("s.dat");

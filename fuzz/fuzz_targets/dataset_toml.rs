@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use spikelane::Kind;
-use spikelane::dataset::config;
+use spikelane_dataset::config;
 
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::folder("dataset-toml"));
 

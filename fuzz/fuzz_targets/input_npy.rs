@@ -5,8 +5,8 @@
 use std::io::Read;
 
 use libfuzzer_sys::fuzz_target;
-use spikelane::light::OwnedSamples;
-use spikelane::light::npy::{Element, Reader};
+use spikelane_io::light::OwnedSamples;
+use spikelane_io::light::npy::{Element, Reader};
 
 fuzz_target!(|bytes: &[u8]| {
     let mut input = bytes;

@@ -6,8 +6,8 @@ use std::io::Read;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use spikelane::light::picture::Linear;
-use spikelane::light::y4m::Reader;
+use spikelane_io::light::picture::Linear;
+use spikelane_io::light::y4m::Reader;
 
 /// A false header may ask for gigabytes; such sizes are not what this target is after.
 const MOST_PIXELS: usize = 1 << 20;

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use spikelane::dataset::shards::journal_lines;
+use spikelane_dataset::shards::journal_lines;
 
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::folder("journal"));
 

@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use spikelane::Kind;
-use spikelane::light::picture::{self, Linear};
+use spikelane_io::light::picture::{self, Linear};
 
 static LINEAR: LazyLock<Linear> = LazyLock::new(|| Linear::new(None));
 

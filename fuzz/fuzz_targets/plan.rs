@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use spikelane::Kind;
-use spikelane::dataset::shards::Plan;
+use spikelane_dataset::shards::Plan;
 
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::folder("plan"));
 

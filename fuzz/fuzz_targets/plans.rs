@@ -5,8 +5,8 @@
 use libfuzzer_sys::fuzz_target;
 use spikelane::effects::definition::{Form, Param};
 use spikelane::effects::{self, Effect};
-use spikelane::simulate::Samples;
-use spikelane::simulate::FrameRef;
+use spikelane_io::simulate::Samples;
+use spikelane_io::simulate::FrameRef;
 use spikelane::{Backend, Camera, Geometry, Kind, Plan, Seeds, Sensor, Simulator};
 
 /// Bytes handed out one by one, zeros at the end.

@@ -6,8 +6,8 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use spikelane::Kind;
-use spikelane::dataset::Record;
-use spikelane::storage::Digest;
+use spikelane_dataset::Record;
+use spikelane_io::storage::Digest;
 
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::folder("record"));
 

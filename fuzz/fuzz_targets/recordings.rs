@@ -3,7 +3,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use spikelane::Kind;
-use spikelane::calibrate::RecordingSet;
+use spikelane_calibrate::RecordingSet;
 
 fuzz_target!(|data: &[u8]| {
     let Ok(text) = std::str::from_utf8(data) else { return };

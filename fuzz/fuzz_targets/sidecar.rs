@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 use libfuzzer_sys::fuzz_target;
 use serde_json::{Value, json};
 use spikelane::Kind;
-use spikelane::formats::{Layout, Reader};
+use spikelane_io::formats::{Layout, Reader};
 
 /// A stream of a length that many geometries divide, and its sidecar beside it.
 static STREAM: LazyLock<PathBuf> = LazyLock::new(|| {

@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 use libfuzzer_sys::fuzz_target;
 use spikelane::effects::ALL;
 use spikelane::presets::key;
-use spikelane::simulate::FrameRef;
+use spikelane_io::simulate::FrameRef;
 use spikelane::{Backend, Camera, Geometry, Kind, Plan, Seeds, Sensor, Simulator};
 
 const CAMERA: u64 = 7;

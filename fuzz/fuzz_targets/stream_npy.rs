@@ -2,8 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spikelane::formats::{Layout, Reader};
-use spikelane::npy::Header;
+use spikelane_io::formats::{Layout, Reader};
+use spikelane::unstable::npy::Header;
 use spikelane::spikes::bit;
 use spikelane_fuzz::{check_encoding, check_error, check_pixels, geometry};
 

@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spikelane::formats::{Layout, Reader};
+use spikelane_io::formats::{Layout, Reader};
 use spikelane_fuzz::{check_error, check_pixels, geometry};
 
 fuzz_target!(|data: &[u8]| {

@@ -5,7 +5,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use spikelane::Geometry;
-use spikelane::formats::{Layout, Reader};
+use spikelane_io::formats::{Layout, Reader};
 use spikelane::spikes::bit;
 use spikelane_fuzz::check_error;
 

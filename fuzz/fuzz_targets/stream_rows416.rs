@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spikelane::formats::{Layout, Reader};
+use spikelane_io::formats::{Layout, Reader};
 use spikelane::spikes::bit;
 use spikelane_fuzz::{check_encoding, check_error, check_pixels};
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use spikelane::light::{InputOptions, TIMES, open};
+use spikelane_io::light::{InputOptions, TIMES, open};
 use spikelane::{Geometry, Kind};
 
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use spikelane::formats::{Layout, Reader};
+use spikelane_io::formats::{Layout, Reader};
 use spikelane::spikes::bit;
 use spikelane::{Geometry, Kind};
 

@@ -118,7 +118,7 @@ impl Camera {
     }
 
     /// Everything that what it records depends on, to the bit. Its name and where its numbers come from are no part of that.
-    pub(crate) fn hash_exactly(&self, into: &mut impl Hasher) {
+    pub fn hash_exactly(&self, into: &mut impl Hasher) {
         let Self { name: _, source: _, sensor, light, effects, maps, window } = self;
         // Numbers are written with as many digits as tell them from every other one.
         format!("{sensor:?} {light:?} {window:?}").hash(into);

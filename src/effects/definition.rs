@@ -78,7 +78,6 @@ impl Moments {
 
 /// What happens one by one, by a probability or a share for each: a set that holds fewer than a handful says nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
 pub enum Events {
     /// Whole readouts are lost; a diagnosis locates them.
     LostReadouts,

@@ -2,7 +2,6 @@
 
 /// How steps of a diagnosis become values of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
 pub enum Scale {
     /// In proportion: statistics follow the number.
     Linear,

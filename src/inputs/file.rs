@@ -8,14 +8,14 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Kind, Result};
 
 /// The most that a text file of settings (a plan, a camera, a set of recordings, a sidecar) may hold.
-pub(crate) const MAX_TEXT_BYTES: u64 = 16 << 20;
+pub const MAX_TEXT_BYTES: u64 = 16 << 20;
 
 /// A regular file, open for reading at any position and from any thread.
 ///
 /// Its length is that at opening. Another process may change or shorten it at any time, so its bytes are copied and never
 /// mapped: reading behind a new end is an error and not a signal.
 #[derive(Debug)]
-pub(crate) struct InputFile {
+pub struct InputFile {
     file: File,
     path: PathBuf,
     len: u64,
@@ -26,7 +26,7 @@ impl InputFile {
     ///
     /// # Errors
     /// [`Kind::Io`] when it cannot be opened, [`Kind::Input`] when it is a folder, pipe, socket or device.
-    pub(crate) fn open(path: &Path) -> Result<Self> {
+    pub fn open(path: &Path) -> Result<Self> {
         let io = |e| Error::io(path.display(), e);
         // A named pipe would wait for its other end in `open`, so its type is checked first. The type is checked again
         // on the open file, and opening does not wait, since the name can have changed between the two.
@@ -38,11 +38,11 @@ impl InputFile {
     }
 
     /// The length at opening, in bytes.
-    pub(crate) const fn len(&self) -> u64 {
+    pub const fn len(&self) -> u64 {
         self.len
     }
 
-    pub(crate) fn path(&self) -> &Path {
+    pub fn path(&self) -> &Path {
         &self.path
     }
 
@@ -51,7 +51,7 @@ impl InputFile {
     /// # Errors
     /// [`Kind::Input`] when the file ends before, which it does when another process shortened it; [`Kind::Io`] when the
     /// system refuses.
-    pub(crate) fn read_at(&self, offset: u64, bytes: &mut [u8]) -> Result<()> {
+    pub fn read_at(&self, offset: u64, bytes: &mut [u8]) -> Result<()> {
         read_exact_at(&self.file, offset, bytes).map_err(|e| match e.kind() {
             io::ErrorKind::UnexpectedEof => self.shortened(offset + bytes.len() as u64),
             _ => Error::io(self.path.display(), e),
@@ -61,12 +61,12 @@ impl InputFile {
     /// Returns a reader of the bytes from the start on, with a position of its own.
     ///
     /// It ends at the length that the file had at opening, and reports an error where the file was shortened since.
-    pub(crate) fn reader(&self) -> Cursor<&Self> {
+    pub fn reader(&self) -> Cursor<&Self> {
         Cursor { file: self, position: 0 }
     }
 
     /// Returns a reader as [`InputFile::reader`] does, which owns the file.
-    pub(crate) fn into_reader(self) -> Cursor<Self> {
+    pub fn into_reader(self) -> Cursor<Self> {
         Cursor { file: self, position: 0 }
     }
 
@@ -81,7 +81,7 @@ impl InputFile {
 
 /// Reads an [`InputFile`] from one byte to the next.
 #[derive(Debug)]
-pub(crate) struct Cursor<F> {
+pub struct Cursor<F> {
     file: F,
     position: u64,
 }
@@ -113,7 +113,7 @@ impl<F: Borrow<InputFile>> Seek for Cursor<F> {
 ///
 /// # Errors
 /// As [`InputFile::open`]; [`Kind::Input`] when it is larger.
-pub(crate) fn read_bytes(path: &Path, what: &str, limit: u64) -> Result<Vec<u8>> {
+pub fn read_bytes(path: &Path, what: &str, limit: u64) -> Result<Vec<u8>> {
     let file = InputFile::open(path)?;
     if file.len() > limit {
         return Err(Error::new(Kind::Input, path.display())
@@ -130,7 +130,7 @@ pub(crate) fn read_bytes(path: &Path, what: &str, limit: u64) -> Result<Vec<u8>>
 ///
 /// # Errors
 /// As [`read_bytes`]; [`Kind::Input`] when it is not UTF-8.
-pub(crate) fn read_text(path: &Path, what: &str) -> Result<String> {
+pub fn read_text(path: &Path, what: &str) -> Result<String> {
     read_text_up_to(path, what, MAX_TEXT_BYTES)
 }
 
@@ -138,7 +138,7 @@ pub(crate) fn read_text(path: &Path, what: &str) -> Result<String> {
 ///
 /// # Errors
 /// As [`read_text`].
-pub(crate) fn read_text_up_to(path: &Path, what: &str, limit: u64) -> Result<String> {
+pub fn read_text_up_to(path: &Path, what: &str, limit: u64) -> Result<String> {
     let bytes = read_bytes(path, what, limit)?;
     String::from_utf8(bytes).map_err(|e| {
         Error::new(Kind::Input, path.display())
@@ -151,7 +151,7 @@ pub(crate) fn read_text_up_to(path: &Path, what: &str, limit: u64) -> Result<Str
 ///
 /// # Errors
 /// Every other error of `read`.
-pub(crate) fn if_found<T>(read: Result<T>) -> Result<Option<T>> {
+pub fn if_found<T>(read: Result<T>) -> Result<Option<T>> {
     match read {
         Ok(value) => Ok(Some(value)),
         Err(e) if e.io_error().is_some_and(|e| e.kind() == io::ErrorKind::NotFound) => Ok(None),
@@ -167,14 +167,19 @@ fn regular(path: &Path, found: &Metadata) -> Result<()> {
     Err(Error::new(Kind::Input, path.display()).found(what).expected("a regular file"))
 }
 
-#[cfg(all(unix, feature = "files"))]
+/// `O_NONBLOCK` of `open(2)`.
+#[cfg(any(target_os = "linux", target_os = "android"))]
+const NONBLOCK: i32 = 0o4000;
+#[cfg(target_vendor = "apple")]
+const NONBLOCK: i32 = 0x4;
+
+#[cfg(any(target_os = "linux", target_os = "android", target_vendor = "apple"))]
 fn open_without_waiting(path: &Path) -> io::Result<File> {
     use std::os::unix::fs::OpenOptionsExt as _;
-    let flags = rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::NOCTTY;
-    File::options().read(true).custom_flags(flags.bits().cast_signed()).open(path)
+    File::options().read(true).custom_flags(NONBLOCK).open(path)
 }
 
-#[cfg(not(all(unix, feature = "files")))]
+#[cfg(not(any(target_os = "linux", target_os = "android", target_vendor = "apple")))]
 fn open_without_waiting(path: &Path) -> io::Result<File> {
     File::open(path)
 }
@@ -246,13 +251,12 @@ mod tests {
         assert_eq!(read_text(&path, "a plan").unwrap_err().kind(), Kind::Input);
     }
 
-    #[cfg(all(unix, feature = "files"))]
+    #[cfg(unix)]
     #[test]
     fn a_pipe_is_refused_at_once() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("pipe");
-        rustix::fs::mknodat(rustix::fs::CWD, &path, rustix::fs::FileType::Fifo, rustix::fs::Mode::RUSR, 0)
-            .unwrap();
+        assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
         assert_eq!(InputFile::open(&path).unwrap_err().kind(), Kind::Input);
         assert_eq!(InputFile::open(Path::new("/dev/zero")).unwrap_err().kind(), Kind::Input);
     }

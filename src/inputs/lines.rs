@@ -7,7 +7,7 @@ use crate::error::{Error, Kind, Result};
 
 /// Reads an [`InputFile`] one line at a time, so that memory holds one line and not the file.
 #[derive(Debug)]
-pub(crate) struct Lines<'a> {
+pub struct Lines<'a> {
     reader: BufReader<Cursor<&'a InputFile>>,
     file: &'a InputFile,
     limit: u64,
@@ -17,7 +17,7 @@ pub(crate) struct Lines<'a> {
 
 impl<'a> Lines<'a> {
     /// Returns the lines of `file`, each of which may have at most `limit` bytes.
-    pub(crate) fn new(file: &'a InputFile, limit: u64) -> Self {
+    pub fn new(file: &'a InputFile, limit: u64) -> Self {
         let reader = BufReader::with_capacity(1 << 16, file.reader());
         Self { reader, file, limit, line: Vec::new(), number: 0 }
     }
@@ -26,7 +26,7 @@ impl<'a> Lines<'a> {
     ///
     /// # Errors
     /// [`Kind::Input`] for a line that is too long, and the errors of reading.
-    pub(crate) fn next_line(&mut self) -> Result<Option<&[u8]>> {
+    pub fn next_line(&mut self) -> Result<Option<&[u8]>> {
         self.line.clear();
         let mut part = (&mut self.reader).take(self.limit.saturating_add(1));
         part.read_until(b'\n', &mut self.line).map_err(|e| Error::io(self.file.path().display(), e))?;

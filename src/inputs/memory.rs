@@ -12,7 +12,7 @@ use crate::error::{Error, Kind, Result};
 ///
 /// # Errors
 /// [`Kind::Memory`] when the system does not have them.
-pub(crate) fn check_memory(subject: impl Display, bytes: usize) -> Result<()> {
+pub fn check_memory(subject: impl Display, bytes: usize) -> Result<()> {
     buffer::<u8>(subject, bytes).map(drop)
 }
 
@@ -20,7 +20,7 @@ pub(crate) fn check_memory(subject: impl Display, bytes: usize) -> Result<()> {
 ///
 /// # Errors
 /// [`Kind::Memory`] when the system has no such room.
-pub(crate) fn buffer<T>(subject: impl Display, len: usize) -> Result<Vec<T>> {
+pub fn buffer<T>(subject: impl Display, len: usize) -> Result<Vec<T>> {
     let mut values = Vec::new();
     match values.try_reserve_exact(len) {
         Ok(()) => Ok(values),
@@ -35,7 +35,7 @@ pub(crate) fn buffer<T>(subject: impl Display, len: usize) -> Result<Vec<T>> {
 ///
 /// # Errors
 /// [`Kind::Memory`] when the system has no such room.
-pub(crate) fn zeroed<T: Copy + Default>(subject: impl Display, len: usize) -> Result<Vec<T>> {
+pub fn zeroed<T: Copy + Default>(subject: impl Display, len: usize) -> Result<Vec<T>> {
     let mut values = buffer(subject, len)?;
     values.resize(len, T::default());
     Ok(values)

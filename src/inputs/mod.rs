@@ -5,19 +5,16 @@
 //! [`zeroed`] or [`buffer`], or after [`check_memory`], which return an error where an allocation would abort the process.
 
 /// The most that one decoded picture, or one frame of an array or a video, may take in memory: 512 MiB.
-pub(crate) const MAX_PICTURE_BYTES: u64 = 512 << 20;
+pub const MAX_PICTURE_BYTES: u64 = 512 << 20;
 
 mod file;
 mod lines;
 mod memory;
+#[cfg(feature = "presets")]
 mod names;
-#[cfg(feature = "files")]
-mod stdin;
 
-pub(crate) use file::{Cursor, InputFile, MAX_TEXT_BYTES, if_found, read_bytes, read_text, read_text_up_to};
-pub(crate) use lines::Lines;
-pub(crate) use memory::{buffer, check_memory, zeroed};
-pub(crate) use names::Access;
-pub use names::{InnerPath, PlainName};
-#[cfg(feature = "files")]
-pub(crate) use stdin::Stdin;
+pub use file::{Cursor, InputFile, MAX_TEXT_BYTES, if_found, read_bytes, read_text, read_text_up_to};
+pub use lines::Lines;
+pub use memory::{buffer, check_memory, zeroed};
+#[cfg(feature = "presets")]
+pub use names::{Access, InnerPath, PlainName};

@@ -29,7 +29,7 @@ pub struct InnerPath(String);
 
 /// What a path below a folder is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Access {
+pub enum Access {
     /// Reading. A link may lead to another place below the folder.
     Read,
     /// Reading. A link may lead anywhere, since the user allowed it.
@@ -40,7 +40,7 @@ pub(crate) enum Access {
 
 impl Access {
     /// Reading, with or without links that leave the folder.
-    pub(crate) const fn reading(follow_links: bool) -> Self {
+    pub const fn reading(follow_links: bool) -> Self {
         if follow_links { Self::ReadThroughLinks } else { Self::Read }
     }
 }
@@ -50,7 +50,7 @@ impl PlainName {
     ///
     /// # Errors
     /// An error of `kind` that states why `text` is not a plain name.
-    pub(crate) fn parse(kind: Kind, subject: impl fmt::Display, text: &str) -> Result<Self> {
+    pub fn parse(kind: Kind, subject: impl fmt::Display, text: &str) -> Result<Self> {
         match fault(text) {
             None => Ok(Self(text.to_owned())),
             Some(fault) => Err(Error::new(kind, subject)
@@ -60,17 +60,17 @@ impl PlainName {
     }
 
     /// Returns the digits of `number`, with zeros before them up to `width` digits.
-    pub(crate) fn number(number: u64, width: usize) -> Self {
+    pub fn number(number: u64, width: usize) -> Self {
         Self(format!("{number:0width$}"))
     }
 
     /// Returns the name with an ending of the program's own, such as `.dat`.
-    pub(crate) fn with(&self, ending: &'static str) -> Self {
+    pub fn with(&self, ending: &'static str) -> Self {
         Self(format!("{}{ending}", self.0))
     }
 
     /// Returns the hidden name of the same file or folder in the making.
-    pub(crate) fn partial(&self) -> Self {
+    pub fn partial(&self) -> Self {
         Self(format!(".{}.partial", self.0))
     }
 
@@ -86,7 +86,7 @@ impl InnerPath {
     ///
     /// # Errors
     /// An error of `kind` that states why `text` is not such a path.
-    pub(crate) fn parse(kind: Kind, subject: impl fmt::Display, text: &str) -> Result<Self> {
+    pub fn parse(kind: Kind, subject: impl fmt::Display, text: &str) -> Result<Self> {
         match text.split('/').find_map(fault) {
             None => Ok(Self(text.to_owned())),
             Some(fault) => Err(Error::new(kind, subject)
@@ -96,7 +96,7 @@ impl InnerPath {
     }
 
     /// Returns the path of `inner` in the folder that this path names.
-    pub(crate) fn join(&self, inner: impl Into<Self>) -> Self {
+    pub fn join(&self, inner: impl Into<Self>) -> Self {
         Self(format!("{}/{}", self.0, inner.into().0))
     }
 
@@ -112,7 +112,7 @@ impl InnerPath {
     ///
     /// # Errors
     /// [`Kind::Input`] when a link leaves the folder, or when `access` is [`Access::Write`] and any part is a link.
-    pub(crate) fn below(&self, folder: &Path, access: Access) -> Result<PathBuf> {
+    pub fn below(&self, folder: &Path, access: Access) -> Result<PathBuf> {
         let (mut path, last) = self.checked_parent(folder, access)?;
         path.push(last);
         check_link(folder, &path, access)?;
@@ -123,7 +123,7 @@ impl InnerPath {
     ///
     /// # Errors
     /// [`Kind::Input`] when a part above the last one is a link.
-    pub(crate) fn removable_below(&self, folder: &Path) -> Result<PathBuf> {
+    pub fn removable_below(&self, folder: &Path) -> Result<PathBuf> {
         let (mut path, last) = self.checked_parent(folder, Access::Write)?;
         path.push(last);
         Ok(path)

@@ -16,7 +16,7 @@ pub enum Backend {
 }
 
 /// Forces a backend, clamped to what the CPU has.
-pub const ENVIRONMENT: &str = "SPIKELANE_BACKEND";
+pub(super) const ENVIRONMENT: &str = "SPIKELANE_BACKEND";
 
 impl Backend {
     /// All backends, slowest first.

@@ -10,7 +10,7 @@
 
 mod backend;
 mod batch;
-mod bits;
+pub mod bits;
 mod body;
 mod entry;
 mod isa;
@@ -20,9 +20,8 @@ mod start;
 
 pub use backend::Backend;
 pub use batch::{Batch, Job, Light, NoiseRound, Rounds, Samples, Segment};
-#[cfg(test)]
-pub(crate) use bits::AnyCpu;
-pub(crate) use bits::{
+pub use bits::AnyCpu;
+pub use bits::{
     Bits, Counters, GROUPS, Places, ROOM, SHORTS, SLACK, Shorts, TILE, Tally, Times, WORDS, Work, counting,
     counting_with, load,
 };

@@ -5,7 +5,6 @@ use crate::error::{Error, Kind, Result};
 use crate::kernels;
 use crate::sensor::{FrontEnd, Transfer};
 use crate::spikes::Geometry;
-#[cfg(feature = "files")]
 use crate::spikes::MAX_PIXELS;
 
 /// Linear light of the pixels of a frame, row-major, top row first.
@@ -178,8 +177,7 @@ impl Frame {
 }
 
 /// The size that a file claims for its pictures; an impossible one is the file's mistake.
-#[cfg(feature = "files")]
-pub(super) fn stored_size(width: u64, height: u64, name: &str) -> Result<Geometry> {
+pub fn stored_size(width: u64, height: u64, name: &str) -> Result<Geometry> {
     let side = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
     Geometry::new(side(width), side(height)).map_err(|_| {
         Error::new(Kind::Input, name)

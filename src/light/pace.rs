@@ -11,7 +11,6 @@ pub const READOUTS_PER_FRAME: u64 = 20;
 
 /// What the user says of it; what is `None` is as the source states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
 pub struct Pace {
     /// Readouts of each frame.
     pub readouts_per_frame: Option<u64>,

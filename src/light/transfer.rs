@@ -63,8 +63,7 @@ pub fn luminance(rgb: [f32; 3]) -> f32 {
 }
 
 /// [`srgb_code`] as a byte, 255 for white: the same as computing it, at a fraction of the cost.
-#[cfg(feature = "files")]
-pub(crate) fn srgb_byte(light: f32) -> u8 {
+pub fn srgb_byte(light: f32) -> u8 {
     let table = BYTES.get_or_init(Bytes::new);
     // A float becomes the nearest integer that there is, and what is no number 0.
     let mut code = table.starts[((light * STEPS as f32) as usize).min(STEPS)];
@@ -75,20 +74,16 @@ pub(crate) fn srgb_byte(light: f32) -> u8 {
 }
 
 /// Steps of light from which the search for a code starts.
-#[cfg(feature = "files")]
 const STEPS: usize = 4096;
 
-#[cfg(feature = "files")]
 static BYTES: std::sync::OnceLock<Bytes> = std::sync::OnceLock::new();
 
 /// The least light of every code, and the code of every step of light.
-#[cfg(feature = "files")]
 struct Bytes {
     from: [f32; 257],
     starts: Vec<u8>,
 }
 
-#[cfg(feature = "files")]
 impl Bytes {
     fn new() -> Self {
         let byte = |light: f32| (srgb_code(light) * 255.0 + 0.5) as u8;
@@ -108,7 +103,7 @@ impl Bytes {
     }
 }
 
-#[cfg(all(test, feature = "files"))]
+#[cfg(test)]
 mod tests {
     use super::{srgb_byte, srgb_code};
 

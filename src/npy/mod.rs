@@ -5,18 +5,13 @@
 //! can be mapped. Everything that reads or writes an array, be it light, a stream, a label or a map
 //! of a camera, does so by this room.
 
-#[cfg(feature = "files")]
-mod archive;
 mod element;
 mod header;
 mod text;
 
-#[cfg(feature = "files")]
-pub use archive::{Archive, MAGIC as ARCHIVE_MAGIC};
 pub use element::Element;
 pub use header::{Header, MAGIC, header};
 
-#[cfg(feature = "files")]
 use std::io::{ErrorKind, Read};
 
 use crate::error::{Error, Kind, Result};
@@ -59,8 +54,7 @@ const MAX_MAP_VALUES: u64 = 1 << 24;
 ///
 /// # Errors
 /// [`Kind::Input`] when the header is damaged, declares more than 2^24 elements, or the file ends before the array does.
-#[cfg(feature = "files")]
-pub(crate) fn read_map(name: &str, reader: &mut impl Read) -> Result<(Header, Vec<f64>)> {
+pub fn read_map(name: &str, reader: &mut impl Read) -> Result<(Header, Vec<f64>)> {
     let header = Header::read(name, reader)?;
     let count = header.shape.iter().try_fold(1, |n: u64, &side| n.checked_mul(side));
     let Some(count) = count.filter(|&n| n <= MAX_MAP_VALUES) else {

@@ -42,7 +42,7 @@ pub(super) struct Scale {
 
 impl Scale {
     /// The smallest multiplier that stands for a deviation of whole steps.
-    pub fn smallest_deviation(&self) -> f64 {
+    pub(super) fn smallest_deviation(&self) -> f64 {
         WHOLE_STEPS * multiplier_per_step()
     }
 }

@@ -23,7 +23,7 @@ pub(super) struct Origin {
 }
 
 impl Origin {
-    pub fn of(model: &Model, laws: &[Law]) -> Self {
+    pub(super) fn of(model: &Model, laws: &[Law]) -> Self {
         Self {
             geometry: model.circuit.geometry,
             phases: model.phases(),
@@ -31,7 +31,7 @@ impl Origin {
         }
     }
 
-    pub fn window(&self, crop: Crop, geometry: Geometry) -> Self {
+    pub(super) fn window(&self, crop: Crop, geometry: Geometry) -> Self {
         let thresholds = crop.pick(self.geometry, &self.thresholds);
         Self { geometry, phases: self.phases.clone(), thresholds }
     }

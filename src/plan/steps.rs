@@ -5,10 +5,10 @@ use crate::plan::LANES;
 use crate::plan::scale::Scale;
 
 /// Steps times 65,536: the unit of increments.
-pub const FRACTION: f64 = 65_536.0;
+pub(super) const FRACTION: f64 = 65_536.0;
 
 /// The kernels' unit of light is this part of full scale.
-pub const FULL_SCALE: f64 = 255.0;
+pub(super) const FULL_SCALE: f64 = 255.0;
 
 /// A pixel's law and its threshold in whole steps.
 pub(super) struct Rounded<'a> {
@@ -19,7 +19,7 @@ pub(super) struct Rounded<'a> {
 }
 
 impl<'a> Rounded<'a> {
-    pub fn new(law: &'a Law, scale: &Scale) -> Self {
+    pub(super) fn new(law: &'a Law, scale: &Scale) -> Self {
         let whole = (law.threshold * f64::from(scale.steps)).round();
         Self { law, whole, unit: whole / law.threshold }
     }

@@ -78,16 +78,16 @@ impl Table {
 /// # Errors
 /// [`Kind::Usage`] in a build without the feature `files`, which brings the hash.
 pub(super) fn digest(bytes: &[u8]) -> Result<String> {
-    Error::require("maps of a camera file, which have digests", "files", cfg!(feature = "files"))?;
+    Error::require("maps of a camera file, which have digests", "maps", cfg!(feature = "maps"))?;
     Ok(format!("blake3:{}", hash(bytes)))
 }
 
-#[cfg(feature = "files")]
+#[cfg(feature = "maps")]
 fn hash(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
 }
 
-#[cfg(not(feature = "files"))]
+#[cfg(not(feature = "maps"))]
 fn hash(_: &[u8]) -> String {
     String::new()
 }

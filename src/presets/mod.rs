@@ -9,11 +9,7 @@ mod write;
 
 pub use bytes::{from_bytes, from_bytes_with, key, to_bytes};
 pub use distribution::Distribution;
-#[cfg(feature = "internals")]
-#[doc(hidden)]
 pub use distribution::Range;
-#[cfg(not(feature = "internals"))]
-pub(crate) use distribution::Range;
 pub use file::{parse, parse_with};
 pub use write::{Saved, to_toml};
 
@@ -61,7 +57,7 @@ presets![
 /// A known camera's geometry and readout rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub(crate) struct Format {
+pub struct Format {
     /// Name on the command line.
     pub name: &'static str,
     /// Width and height in pixels.
@@ -71,7 +67,7 @@ pub(crate) struct Format {
 }
 
 /// Known cameras.
-pub(crate) const FORMATS: &[Format] = &[
+pub const FORMATS: &[Format] = &[
     Format { name: "400x250-20k", size: (400, 250), readout_hz: 20_000.0 },
     Format { name: "400x250-40k", size: (400, 250), readout_hz: 40_000.0 },
     Format { name: "1000x1000-20k", size: (1000, 1000), readout_hz: 20_000.0 },

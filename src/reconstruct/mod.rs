@@ -8,35 +8,16 @@
 
 mod detail;
 mod intervals;
-#[cfg(feature = "files")]
-mod noise;
 mod quality;
 mod span;
 mod window;
 
-#[cfg(feature = "internals")]
-#[doc(hidden)]
 pub use detail::{Detail, Reference, aligned_psnr, blurred, detail};
-#[cfg(not(feature = "internals"))]
-pub(crate) use detail::{Detail, Reference, blurred, detail};
-#[cfg(feature = "internals")]
-#[doc(hidden)]
 pub use intervals::isi_map;
-#[cfg(not(feature = "internals"))]
-pub(crate) use intervals::isi_map;
 pub use intervals::{Tfi, tfi, tfi_at};
-#[cfg(all(feature = "files", feature = "internals"))]
-#[doc(hidden)]
-pub use noise::{difference_noise, patch_noise};
-#[cfg(all(feature = "files", not(feature = "internals")))]
-pub(crate) use noise::{difference_noise, patch_noise};
 pub use quality::{psnr, ssim};
 pub use span::span;
-#[cfg(feature = "internals")]
-#[doc(hidden)]
 pub use window::TfpSequence;
-#[cfg(not(feature = "internals"))]
-pub(crate) use window::TfpSequence;
 pub use window::tfp;
 
 use crate::error::{Error, Kind, Result};

@@ -31,7 +31,6 @@ impl std::fmt::Display for FullScale {
 /// The default is a real camera's: nothing is known of codes, so each kind of file is
 /// read in its own way, and colours are added up as linear light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub struct FrontEnd {
     /// Curve of integer codes; `None` for the one of the kind of file (sRGB in images and video, linear in
     /// arrays). Floats are linear light whatever stands here.

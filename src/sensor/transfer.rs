@@ -6,7 +6,6 @@ use crate::error::{Error, Kind, Result};
 
 /// How codes in 0 to 1 stand for light in 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub enum Transfer {
     /// Codes are light.
     Linear,

@@ -15,7 +15,7 @@ pub(super) fn between<'a>(from: &'a Dense<'_>, to: &'a Dense<'_>, weights: &'a [
 
 /// Whether a run that has room for `left` of `most` readouts ends before a segment of `readouts`: one that is cut
 /// is begun twice, and its shorter part is run at less than the speed of the whole.
-pub(super) fn stops_before(readouts: usize, left: usize, most: usize) -> bool {
+pub fn stops_before(readouts: usize, left: usize, most: usize) -> bool {
     readouts > left && readouts <= most && 2 * left <= most
 }
 

@@ -321,7 +321,7 @@ impl Simulator {
 
     /// Runs whole segments, cut into batches, and returns how many frames were kept; the light
     /// has been checked, and `out` has room for every readout.
-    pub(crate) fn run(&mut self, segments: &[Segment<'_>], out: &mut [u8]) -> usize {
+    pub fn run(&mut self, segments: &[Segment<'_>], out: &mut [u8]) -> usize {
         let bytes = self.plan.geometry().frame_bytes();
         let alone = self.plan.couples() && self.tile < self.plan.padded();
         let most = if alone { 1 } else { BATCH };

@@ -66,7 +66,7 @@ fn check(geometry: Geometry, packed: usize, bits: usize) -> Result<()> {
 }
 
 /// One frame of [`unpack`].
-pub(crate) fn unpack_frame(packed: &[u8], bits: &mut [u8]) {
+pub fn unpack_frame(packed: &[u8], bits: &mut [u8]) {
     let (words, rest) = bits.as_chunks_mut::<8>();
     for (word, &byte) in words.iter_mut().zip(packed) {
         *word = spread(byte).to_le_bytes();
@@ -77,7 +77,7 @@ pub(crate) fn unpack_frame(packed: &[u8], bits: &mut [u8]) {
 }
 
 /// One frame of [`pack`]; `Err` holds the first pixel that is neither.
-pub(crate) fn pack_frame(bits: &[u8], packed: &mut [u8]) -> Result<(), usize> {
+pub fn pack_frame(bits: &[u8], packed: &mut [u8]) -> Result<(), usize> {
     const LOW: u64 = 0x0101_0101_0101_0101;
     let (words, rest) = bits.as_chunks::<8>();
     // Bits that no byte of 0 and 1 has, and those that no byte of 0 and 255 lacks or has.
@@ -104,7 +104,7 @@ pub(crate) fn pack_frame(bits: &[u8], packed: &mut [u8]) -> Result<(), usize> {
 }
 
 /// Eight bits as eight bytes, the lowest first: keep bit k in byte k, then carry any bit into bit 7.
-pub(crate) fn spread(byte: u8) -> u64 {
+pub fn spread(byte: u8) -> u64 {
     let kept = (u64::from(byte) * 0x0101_0101_0101_0101) & 0x8040_2010_0804_0201;
     (kept + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101
 }

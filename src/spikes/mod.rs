@@ -10,8 +10,7 @@ mod bytes;
 mod crop;
 
 pub use bytes::{pack, unpack};
-#[cfg(feature = "files")]
-pub(crate) use bytes::{pack_frame, spread, unpack_frame};
+pub use bytes::{pack_frame, spread, unpack_frame};
 pub use crop::Crop;
 
 use crate::error::{Error, Kind, Result};
@@ -184,7 +183,7 @@ pub fn set_bit(frame: &mut [u8], p: usize) {
 
 /// The positions of the set bits of `word`, counted from bit 0, in ascending order.
 #[inline(always)]
-pub(crate) fn set_bits(mut word: u64) -> impl Iterator<Item = u32> {
+pub fn set_bits(mut word: u64) -> impl Iterator<Item = u32> {
     std::iter::from_fn(move || {
         let at = (word != 0).then(|| word.trailing_zeros());
         word &= word.wrapping_sub(1);
@@ -194,7 +193,7 @@ pub(crate) fn set_bits(mut word: u64) -> impl Iterator<Item = u32> {
 
 /// The pixels that fire in a packed frame, in ascending order.
 #[inline]
-pub(crate) fn firing_pixels(frame: &[u8]) -> impl Iterator<Item = usize> {
+pub fn firing_pixels(frame: &[u8]) -> impl Iterator<Item = usize> {
     frame.chunks(8).enumerate().flat_map(|(w, bytes)| {
         let mut word = [0; 8];
         word[..bytes.len()].copy_from_slice(bytes);

@@ -15,19 +15,19 @@ mod spawn;
 mod stop;
 
 #[cfg(feature = "threads")]
-pub(crate) use parallel::{count, map, run_observed, try_map};
+pub use parallel::{count, map, run_observed, try_map};
 #[cfg(feature = "threads")]
 pub use pool::Pool;
-pub(crate) use spawn::{indexed, no_thread, spawn, spawn_scoped};
-pub(crate) use stop::check;
+pub use spawn::{indexed, no_thread, spawn, spawn_scoped};
+pub use stop::check;
 pub use stop::until;
 
 /// Runs both, in parallel where threads are enabled, and returns both results.
 #[cfg(feature = "threads")]
-pub(crate) use parallel::join;
+pub use parallel::join;
 
 /// Runs both, one after the other, and returns both results.
 #[cfg(not(feature = "threads"))]
-pub(crate) fn join<A, B>(one: impl FnOnce() -> A, other: impl FnOnce() -> B) -> (A, B) {
+pub fn join<A, B>(one: impl FnOnce() -> A, other: impl FnOnce() -> B) -> (A, B) {
     (one(), other())
 }

@@ -13,7 +13,7 @@ use crate::error::Result;
 const PERIOD: Duration = Duration::from_millis(50);
 
 /// Calls `work` with each item, in parallel, and collects the results in the items' order.
-pub(crate) fn map<I, T>(items: I, work: impl Fn(I::Item) -> T + Sync + Send) -> Vec<T>
+pub fn map<I, T>(items: I, work: impl Fn(I::Item) -> T + Sync + Send) -> Vec<T>
 where
     I: IntoParallelIterator + Send,
     T: Send,
@@ -22,7 +22,7 @@ where
 }
 
 /// As [`map`], for work that may fail. An error ends the work early.
-pub(crate) fn try_map<I, T>(items: I, work: impl Fn(I::Item) -> Result<T> + Sync + Send) -> Result<Vec<T>>
+pub fn try_map<I, T>(items: I, work: impl Fn(I::Item) -> Result<T> + Sync + Send) -> Result<Vec<T>>
 where
     I: IntoParallelIterator + Send,
     T: Send,
@@ -31,7 +31,7 @@ where
 }
 
 /// Runs both in parallel and returns both results.
-pub(crate) fn join<A: Send, B: Send>(
+pub fn join<A: Send, B: Send>(
     one: impl FnOnce() -> A + Send,
     other: impl FnOnce() -> B + Send,
 ) -> (A, B) {
@@ -39,7 +39,7 @@ pub(crate) fn join<A: Send, B: Send>(
 }
 
 /// The number of threads that share parallel work.
-pub(crate) fn count() -> usize {
+pub fn count() -> usize {
     match rayon::current_thread_index() {
         Some(_) => rayon::current_num_threads(),
         None => Pool::of_process().started().map_or(1, |pool| pool.current_num_threads()),
@@ -59,7 +59,7 @@ fn run<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 
 /// As [`run`]; meanwhile this thread calls `observe` about every 50 ms. On a thread of the pool it is not called, since a thread
 /// that waits would be missing there.
-pub(crate) fn run_observed<T: Send>(observe: &mut dyn FnMut(), work: impl FnOnce() -> T + Send) -> T {
+pub fn run_observed<T: Send>(observe: &mut dyn FnMut(), work: impl FnOnce() -> T + Send) -> T {
     if rayon::current_thread_index().is_some() {
         return work();
     }

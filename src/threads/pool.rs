@@ -78,7 +78,7 @@ impl Pool {
     }
 
     /// Calls `work` with each item, in parallel.
-    pub(crate) fn for_each<I: Send>(&self, items: Vec<I>, work: impl Fn(I) + Sync + Send) {
+    pub fn for_each<I: Send>(&self, items: Vec<I>, work: impl Fn(I) + Sync + Send) {
         if self.threads == 1 {
             return items.into_iter().for_each(work);
         }

@@ -12,7 +12,7 @@ use crate::error::{Error, Kind};
 pub(super) const STACK_BYTES: usize = 16 << 20;
 
 /// Starts `work(input)` on a new thread. Returns `input` if the system has no thread left.
-pub(crate) fn spawn<I: Send + 'static>(
+pub fn spawn<I: Send + 'static>(
     name: &str,
     input: I,
     work: impl FnOnce(I) + Send + 'static,
@@ -25,7 +25,7 @@ pub(crate) fn spawn<I: Send + 'static>(
 }
 
 /// Starts `work(input)` on a new thread of `scope`. Returns `input` if the system has no thread left.
-pub(crate) fn spawn_scoped<'scope, I: Send + 'scope, T: Send + 'scope>(
+pub fn spawn_scoped<'scope, I: Send + 'scope, T: Send + 'scope>(
     scope: &'scope Scope<'scope, '_>,
     name: &str,
     input: I,
@@ -40,7 +40,7 @@ pub(crate) fn spawn_scoped<'scope, I: Send + 'scope, T: Send + 'scope>(
 
 /// Calls `work` with 0 to `count - 1` on up to `threads` threads, this one among them, and returns the results in the order of
 /// their indices.
-pub(crate) fn indexed<T: Send>(threads: usize, count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+pub fn indexed<T: Send>(threads: usize, count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let threads = threads.min(count);
     let step = |i| {
         stop::check();
@@ -79,7 +79,7 @@ pub(crate) fn indexed<T: Send>(threads: usize, count: usize, work: impl Fn(usize
 }
 
 /// The error of work that cannot do without a thread of its own; `work` completes "a thread to".
-pub(crate) fn no_thread(work: &str) -> Error {
+pub fn no_thread(work: &str) -> Error {
     Error::new(Kind::Io, format_args!("a thread to {work}"))
         .found("the system's limit on threads")
         .remedy("raise the limit (ulimit -u; docker run --pids-limit)")

@@ -65,7 +65,7 @@ pub fn until<T>(
 }
 
 /// Returns if the work of this thread may go on; unwinds to [`until`] if not.
-pub(crate) fn check() {
+pub fn check() {
     let stop = CURRENT.with_borrow(|request| request.as_ref().is_some_and(|r| r.is_raised()));
     // A check while values are dropped must not end the process.
     if stop && !std::thread::panicking() {

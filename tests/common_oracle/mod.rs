@@ -222,7 +222,7 @@ pub(crate) fn correlation(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// Every pixel's stored charge in its own thresholds, read from the saved state.
-pub(crate) fn charges(plan: &Plan, state: &spikelane::plan::State) -> Vec<f64> {
+pub(crate) fn charges(plan: &Plan, state: &spikelane::unstable::plan::State) -> Vec<f64> {
     let bytes = state.to_bytes();
     let word = |i: usize| i16::from_le_bytes([bytes[64 + 2 * i], bytes[65 + 2 * i]]);
     let padded = plan.padded();

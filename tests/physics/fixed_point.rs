@@ -2,7 +2,7 @@
 //! 1e-6 spikes per readout plus 2e-6 of the rate, and 1 % of the phase variance.
 
 use crate::common_oracle::{camera_with, charges, preset, seeds};
-use spikelane::draws::gauss;
+use spikelane::unstable::draws::gauss;
 use spikelane::simulate::FrameRef;
 use spikelane::spikes::{Geometry, bit};
 use spikelane::{Backend, Camera, Plan, Simulator};

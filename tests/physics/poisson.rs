@@ -1,7 +1,7 @@
 //! Counted quanta: the kernels' counts are the tables', and nothing jumps where a normal draw takes over.
 
 use crate::common_oracle::{Estimate, camera_with, charges, oracle, planned, seeds};
-use spikelane::draws::hash::key;
+use spikelane::unstable::draws::hash::key;
 use spikelane::simulate::FrameRef;
 use spikelane::{Camera, Plan, Simulator};
 

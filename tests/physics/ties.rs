@@ -5,7 +5,7 @@
 
 use crate::common_oracle::{camera_with, preset, seeds, sensor, unpack};
 use proptest::prelude::*;
-use spikelane::kernels::Samples;
+use spikelane::unstable::kernels::Samples;
 use spikelane::simulate::FrameRef;
 use spikelane::{Backend, Camera, Plan, Simulator};
 

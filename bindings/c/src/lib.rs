@@ -18,7 +18,7 @@ mod writer;
 use std::ffi::{CStr, c_char};
 use std::path::Path;
 
-use spikelane::simulate::{FrameRef, Samples};
+use spikelane_io::simulate::{FrameRef, Samples};
 use spikelane::{Geometry, Result, Seeds, presets, spikes};
 
 use camera::Camera;

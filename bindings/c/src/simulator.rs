@@ -1,8 +1,8 @@
 //! Cameras at work, without pointers.
 #![forbid(unsafe_code)]
 
-use spikelane::light::{Insertion, Timeline};
-use spikelane::simulate::FrameRef;
+use spikelane_io::light::{Insertion, Timeline};
+use spikelane_io::simulate::FrameRef;
 use spikelane::{Backend, Geometry, Plan, Result, Seeds, presets};
 
 use crate::camera::Camera;

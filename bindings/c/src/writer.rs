@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use spikelane::formats::{Layout, StreamWriter};
+use spikelane_io::formats::{Layout, StreamWriter};
 use spikelane::{Geometry, Result};
 
 use crate::error::usage;

@@ -6,8 +6,8 @@ use numpy::{
 };
 use pyo3::prelude::*;
 use spikelane::Geometry;
-use spikelane::simulate::FrameRef;
-use spikelane::simulate::Samples;
+use spikelane_io::simulate::FrameRef;
+use spikelane_io::simulate::Samples;
 
 use crate::error::{Raise as _, usage, wrong_type};
 

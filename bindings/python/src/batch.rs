@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use numpy::{PyArrayDyn, PyArrayMethods as _};
 use pyo3::prelude::*;
-use spikelane::light::{Between, Frame, Insertion, OwnedSamples as Owned, Timeline};
-use spikelane::simulate::FrameRef;
-use spikelane::simulate::Samples;
+use spikelane_io::light::{Between, Frame, Insertion, OwnedSamples as Owned, Timeline};
+use spikelane_io::simulate::FrameRef;
+use spikelane_io::simulate::Samples;
 use spikelane::spikes::{self, Crop};
 use spikelane::{Error, Geometry, Kind, Plan, Seeds, Simulator};
 

@@ -353,7 +353,7 @@ impl Camera {
     /// Raises FileExistsError unless `force`.
     #[pyo3(signature = (folder, force=false))]
     fn save(&self, folder: PathBuf, force: bool) -> PyResult<PathBuf> {
-        spikelane::simulate::save_camera(self.camera(), &folder, force).or_raise()
+        spikelane_io::simulate::save_camera(self.camera(), &folder, force).or_raise()
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {

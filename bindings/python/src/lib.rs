@@ -53,5 +53,5 @@ mod _native {
 /// `args` are its arguments, the program's name first.
 #[pyfunction]
 fn command(py: Python<'_>, args: Vec<String>) -> u8 {
-    py.detach(|| spikelane::cli::main(args))
+    py.detach(|| spikelane_cli::main(args))
 }

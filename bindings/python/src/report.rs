@@ -5,14 +5,14 @@ use std::path::PathBuf;
 use numpy::PyUntypedArrayMethods as _;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
-use spikelane::calibrate::{
+use spikelane_calibrate::{
     CalibrateOptions as Calibrating, RecordingSet, SneeOptions, observe, snee, write,
 };
-use spikelane::diagnose::{DiagnoseOptions as Diagnosing, Extent, page};
-use spikelane::formats::write_small;
-use spikelane::formats::{Layout, Reader};
-use spikelane::measure::{Recording, high_pass};
-use spikelane::simulate::save_camera;
+use spikelane_calibrate::diagnose::{DiagnoseOptions as Diagnosing, Extent, page};
+use spikelane_io::formats::write_small;
+use spikelane_io::formats::{Layout, Reader};
+use spikelane_measure::{Recording, high_pass};
+use spikelane_io::simulate::save_camera;
 use spikelane::{Error, Kind};
 
 use crate::arrays::{bytes, geometry};
@@ -87,7 +87,7 @@ pub fn calibrate(
     let (text, camera) = stoppable(py, Watch::new(py, progress, "share")?, |tell| {
         if let Some(folder) = &out {
             let names = ["camera.toml", "calibration.json", "report.html"];
-            spikelane::formats::refuse_existing(folder, &names, force)?;
+            spikelane_io::formats::refuse_existing(folder, &names, force)?;
         }
         let set = RecordingSet::open(&recordings)?;
         let observed = observe(&set, &mut |_, share| tell(share))?;
@@ -95,7 +95,7 @@ pub fn calibrate(
             .with_lost_increment(dead_time)
             .with_light_uncertainty(light_uncertainty)
             .with_precision(precision);
-        let mut calibration = spikelane::calibrate::calibrate(&observed, &options)?;
+        let mut calibration = spikelane_calibrate::calibrate(&observed, &options)?;
         if paper {
             calibration.paper = Some(snee(&observed, &SneeOptions::default())?);
         }
@@ -126,14 +126,14 @@ pub fn diagnose(
     let (text, found) = stoppable(py, Watch::new(py, progress, "share")?, |tell| {
         if let Some(folder) = &out {
             let names = ["diagnosis.json", "report.html", "camera.toml"];
-            spikelane::formats::refuse_existing(folder, &names, force)?;
+            spikelane_io::formats::refuse_existing(folder, &names, force)?;
         }
         let set = RecordingSet::open(&recordings)?;
         let holdout = holdout.as_deref().map(RecordingSet::open).transpose()?;
         let extent = if everything { Extent::Everything } else { Extent::Enough };
         let options = Diagnosing { camera, seed, extent, ..Diagnosing::default() };
         let found =
-            spikelane::diagnose::diagnose(&set, holdout.as_ref(), options, &mut |_, share| tell(share))?;
+            spikelane_calibrate::diagnose::diagnose(&set, holdout.as_ref(), options, &mut |_, share| tell(share))?;
         let json = value(&found)?;
         if let Some(folder) = &out {
             std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;

@@ -3,7 +3,7 @@
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
-use spikelane::scene::{Labels, Lighting, SamplesPerPixel, SceneOptions, Semantic};
+use spikelane_scene::{Labels, Lighting, SamplesPerPixel, SceneOptions, Semantic};
 
 use crate::arrays::picture;
 use crate::error::{Raise as _, usage};
@@ -19,7 +19,7 @@ type Array<'py, T> = Bound<'py, PyArrayDyn<T>>;
 /// flicker with `flicker_hz`. What is left out follows from the seed.
 #[pyclass(frozen, module = "spikelane._native")]
 pub struct Scene {
-    scene: spikelane::scene::Scene,
+    scene: spikelane_scene::Scene,
     options: SceneOptions,
 }
 
@@ -56,7 +56,7 @@ impl Scene {
             .with_speed_kmh(speed_kmh)
             .with_vehicles(vehicles)
             .with_flicker_hz(flicker_hz);
-        let scene = py.detach(|| spikelane::scene::Scene::random(seed, &options)).or_raise()?;
+        let scene = py.detach(|| spikelane_scene::Scene::random(seed, &options)).or_raise()?;
         Ok(Self { scene, options })
     }
 

@@ -103,7 +103,7 @@ pub fn stoppable<T: Send>(
     let result = py.detach(|| {
         // Shares below one only: the end is told when it is there.
         let mut tell = |share: f64| drop(lock(&watch).step(share.min(0.999_999), 1.0));
-        let value = spikelane::threads::until(asked, || work(&mut tell))?;
+        let value = spikelane::unstable::threads::until(asked, || work(&mut tell))?;
         lock(&watch).now(1.0, 1.0).map(|()| value)
     });
     let raised = lock(&watch).raised.take();

@@ -19,7 +19,7 @@ pub(super) struct Avx512Bits(Avx2);
 
 impl Avx512Bits {
     /// The token, if this CPU has AVX-512 F, BW, VBMI, VBMI2 and VNNI, counts the bits of vectors and multiplies 8x8 bit matrices.
-    pub fn detect(avx2: Avx2) -> Option<Self> {
+    pub(super) fn detect(avx2: Avx2) -> Option<Self> {
         let has = is_x86_feature_detected!("avx512f")
             && is_x86_feature_detected!("avx512bw")
             && is_x86_feature_detected!("avx512vbmi")

@@ -10,7 +10,7 @@ use super::shorts::{AnyCpu, Shorts};
 use crate::kernels::isa::avx2::Avx2;
 
 /// Work that also wants vectors of 16-bit integers, and bits turned and found.
-pub(crate) trait Work {
+pub trait Work {
     type Out;
 
     /// Mark it `#[inline(always)]`, as what it calls in its loops.
@@ -20,7 +20,7 @@ pub(crate) trait Work {
 /// Runs `work` with the widest vectors of 16-bit integers that this CPU has, compiled for AVX2, POPCNT and BMI where it has these, and
 /// with the best that it can make of bits.
 #[inline]
-pub(crate) fn counting_with<W: Work>(work: W) -> W::Out {
+pub fn counting_with<W: Work>(work: W) -> W::Out {
     #[cfg(target_arch = "x86_64")]
     {
         if let Some(shorts) = Avx2::detect().filter(|_| has()) {
@@ -38,7 +38,7 @@ pub(crate) fn counting_with<W: Work>(work: W) -> W::Out {
 /// Runs `work` so: without these, a count of bits is a dozen operations. The result is the same. Only what is inlined gains, a large closure
 /// itself as well: mark it `#[inline(always)]`, and what it calls in its loops.
 #[inline]
-pub(crate) fn counting<R>(work: impl FnOnce() -> R) -> R {
+pub fn counting<R>(work: impl FnOnce() -> R) -> R {
     counting_with(Plain(work))
 }
 
@@ -55,7 +55,7 @@ impl<R, F: FnOnce() -> R> Work for Plain<F> {
 
 /// Runs `work` compiled for the widest vectors of doubles and of 64-bit integers that this CPU has.
 #[inline]
-pub(crate) fn doubles_with<W: Work>(work: W) -> W::Out {
+pub fn doubles_with<W: Work>(work: W) -> W::Out {
     #[cfg(target_arch = "x86_64")]
     {
         if has_wide_doubles() {

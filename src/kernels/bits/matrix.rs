@@ -4,16 +4,16 @@ use super::planes::Planes;
 use super::shorts::AnyCpu;
 
 /// Words of a row that are turned together: a cache line has as many, and from one row to the next there is a page or more.
-pub(crate) const WORDS: usize = 8;
+pub const WORDS: usize = 8;
 
 /// Most places that are kept together, a power of two: a remainder takes the place of a bounds check.
-pub(crate) const ROOM: usize = 4096;
+pub const ROOM: usize = 4096;
 
 /// Entries behind the last place that are clobbered.
-pub(crate) const SLACK: usize = 64;
+pub const SLACK: usize = 64;
 
 /// Places of set bits.
-pub(crate) type Places = [i16; ROOM + SLACK];
+pub type Places = [i16; ROOM + SLACK];
 
 /// Up to this many set bits in a word, they are taken one by one.
 const FEW: usize = 8;
@@ -53,7 +53,7 @@ const fn lengths() -> [u8; 256] {
 }
 
 /// What a CPU makes of bits. An implementor is a token: a value of it exists only where the CPU has the instructions.
-pub(crate) trait Bits: Planes {
+pub trait Bits: Planes {
     /// Transposes a 64x64 bit matrix: bit `j` of word `i` goes to bit `i` of word `j`.
     #[inline(always)]
     fn transpose(self, words: &mut [u64; 64]) {

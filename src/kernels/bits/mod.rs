@@ -12,11 +12,10 @@ mod shorts;
 mod tally;
 mod vertical;
 
-pub(crate) use counting::{Work, counting, counting_with, doubles_with};
-pub(crate) use matrix::{Bits, Places, ROOM, SLACK, WORDS};
-pub(crate) use planes::TILE;
-#[cfg(test)]
-pub(crate) use shorts::AnyCpu;
-pub(crate) use shorts::{SHORTS, Shorts};
-pub(crate) use tally::{Tally, Times};
-pub(crate) use vertical::{Counters, GROUPS, load};
+pub use counting::{Work, counting, counting_with, doubles_with};
+pub use matrix::{Bits, Places, ROOM, SLACK, WORDS};
+pub use planes::TILE;
+pub use shorts::AnyCpu;
+pub use shorts::{SHORTS, Shorts};
+pub use tally::{Tally, Times};
+pub use vertical::{Counters, GROUPS, load};

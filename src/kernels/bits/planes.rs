@@ -5,11 +5,11 @@ use wide::u64x4;
 use super::shorts::AnyCpu;
 
 /// Words of a row of planes.
-pub(crate) const TILE: usize = 8;
+pub const TILE: usize = 8;
 
 /// What a CPU makes of eight words at a time. An implementor is a token: a value of it exists only where the CPU has the
 /// instructions.
-pub(crate) trait Planes: Copy {
+pub trait Planes: Copy {
     type Row: Copy;
 
     fn row(self, words: &[u64; TILE]) -> Self::Row;

@@ -7,13 +7,13 @@
 use wide::{i16x8, i32x4};
 
 /// Integers of a vector.
-pub(crate) const SHORTS: usize = 32;
+pub const SHORTS: usize = 32;
 
 /// Vectors of thirty-two signed 16-bit integers, of 32-bit sums, and of 16-bit counts.
 ///
 /// An implementor is a token: a value of it exists only where the CPU has the instructions, so every method is safe.
 /// All are exact. A closure given to `map` is compiled apart, without the instructions of its caller: use loops.
-pub(crate) trait Shorts: Copy {
+pub trait Shorts: Copy {
     type Short: Copy;
     type Sum: Copy;
     type Count: Copy;
@@ -47,7 +47,7 @@ pub(crate) trait Shorts: Copy {
 
 /// The instructions that this build is compiled for.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct AnyCpu;
+pub struct AnyCpu;
 
 type Four = [i16x8; 4];
 

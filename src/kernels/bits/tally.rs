@@ -11,7 +11,7 @@ const BYTES: usize = 8 * TILE;
 
 /// Packed frames, one after the other, of which a pixel's spikes are counted, all pixels of a word together.
 #[derive(Clone, Copy)]
-pub(crate) struct Tally<'a> {
+pub struct Tally<'a> {
     frames: &'a [u8],
     /// Of a frame.
     bytes: usize,
@@ -19,7 +19,7 @@ pub(crate) struct Tally<'a> {
 
 /// Spikes of a pixel, and its first and last one, as readouts from the first frame on; meaningless where there is none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Times {
+pub struct Times {
     pub spikes: u32,
     pub first: u32,
     pub last: u32,
@@ -27,22 +27,22 @@ pub(crate) struct Times {
 
 impl<'a> Tally<'a> {
     /// Frames of `bytes` bytes each.
-    pub(crate) fn new(frames: &'a [u8], bytes: usize) -> Self {
+    pub fn new(frames: &'a [u8], bytes: usize) -> Self {
         Self { frames, bytes }
     }
 
     /// Adds each bit's spikes to its entry, the lowest bit of the first byte first.
-    pub(crate) fn add(self, counts: &mut [u32]) {
+    pub fn add(self, counts: &mut [u32]) {
         counting_with(Counted { tally: self, counts, change: u32::wrapping_add });
     }
 
     /// Takes them away again.
-    pub(crate) fn subtract(self, counts: &mut [u32]) {
+    pub fn subtract(self, counts: &mut [u32]) {
         counting_with(Counted { tally: self, counts, change: u32::wrapping_sub });
     }
 
     /// What is known of each bit.
-    pub(crate) fn times(self) -> Vec<Times> {
+    pub fn times(self) -> Vec<Times> {
         counting_with(Timed(self))
     }
 

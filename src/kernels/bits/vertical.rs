@@ -9,11 +9,11 @@
 use super::planes::{Planes, TILE};
 
 /// Most groups of eight inputs before the counters must be emptied.
-pub(crate) const GROUPS: usize = 31;
+pub const GROUPS: usize = 31;
 
 /// Eight words of a slice as one row.
 #[inline(always)]
-pub(crate) fn load<P: Planes>(p: P, words: &[u64], at: usize) -> P::Row {
+pub fn load<P: Planes>(p: P, words: &[u64], at: usize) -> P::Row {
     let mut row = [0; TILE];
     row.copy_from_slice(&words[at..at + TILE]);
     p.row(&row)
@@ -21,19 +21,19 @@ pub(crate) fn load<P: Planes>(p: P, words: &[u64], at: usize) -> P::Row {
 
 /// 64 x 8 counters of 8 bits.
 #[derive(Clone, Copy)]
-pub(crate) struct Counters<P: Planes> {
+pub struct Counters<P: Planes> {
     planes: [P::Row; 8],
 }
 
 impl<P: Planes> Counters<P> {
     #[inline(always)]
-    pub(crate) fn new(p: P) -> Self {
+    pub fn new(p: P) -> Self {
         Self { planes: [p.row(&[0; TILE]); 8] }
     }
 
     /// Adds eight inputs.
     #[inline(always)]
-    pub(crate) fn add8(&mut self, p: P, x: &[P::Row; 8]) {
+    pub fn add8(&mut self, p: P, x: &[P::Row; 8]) {
         let planes = &mut self.planes;
         let (s, a) = p.full_add(planes[0], x[0], x[1]);
         let (s, b) = p.full_add(s, x[2], x[3]);
@@ -55,7 +55,7 @@ impl<P: Planes> Counters<P> {
     /// Makes the counters hold the number of the last set input, which is 8
     /// times `turn` plus its index; pixels without any keep what they have.
     #[inline(always)]
-    pub(crate) fn remember8(&mut self, p: P, x: &[P::Row; 8], turn: usize) {
+    pub fn remember8(&mut self, p: P, x: &[P::Row; 8], turn: usize) {
         let (x67, x45, x23) = (p.or(x[6], x[7]), p.or(x[4], x[5]), p.or(x[2], x[3]));
         let upper = p.or(x45, x67);
         let any = p.or(p.or(upper, x23), p.or(x[0], x[1]));
@@ -75,7 +75,7 @@ impl<P: Planes> Counters<P> {
 
     /// Which counters are not zero.
     #[inline(always)]
-    pub(crate) fn any(&self, p: P) -> [u64; TILE] {
+    pub fn any(&self, p: P) -> [u64; TILE] {
         let mut any = self.planes[0];
         for plane in &self.planes[1..] {
             any = p.or(any, *plane);
@@ -85,7 +85,7 @@ impl<P: Planes> Counters<P> {
 
     /// The 64 counters of each of the words, in the order of its bits.
     #[inline(always)]
-    pub(crate) fn counts(&self, p: P) -> [[u8; 64]; TILE] {
+    pub fn counts(&self, p: P) -> [[u8; 64]; TILE] {
         p.numbers(self.planes)
     }
 }

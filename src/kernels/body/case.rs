@@ -149,7 +149,7 @@ cases! {
     ANY_RULES: _ => noisy::<L, NONE, SURPLUS, true, false>;
 }
 
-#[cfg(all(test, feature = "files"))]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::draws::Seeds;

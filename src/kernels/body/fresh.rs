@@ -30,7 +30,7 @@ pub(super) struct Frames<'a, T> {
 
 impl<'a> Fresh<'a> {
     /// Nothing where a readout has no frame of its own, or where something bends the light.
-    pub fn of(job: &Job<'_>, pass: &Pass<'a>) -> Option<Self> {
+    pub(super) fn of(job: &Job<'_>, pass: &Pass<'a>) -> Option<Self> {
         if job.plan.moving().is_some() {
             return None;
         }
@@ -42,14 +42,14 @@ impl<'a> Fresh<'a> {
     }
 
     /// Whether nothing is to be asked at a readout but its light.
-    pub fn is_plain(&self, job: &Job<'_>) -> bool {
+    pub(super) fn is_plain(&self, job: &Job<'_>) -> bool {
         let rules = job.plan.rules();
         !rules.clip && (matches!(self, Self::F32(_)) || rules.greatest_light >= 255.0)
     }
 
     /// Asks for the `count` pixels from `p` on of the frames that are read next.
     #[inline(always)]
-    pub fn fetch<L: Lanes>(&self, l: L, p: usize, count: usize) {
+    pub(super) fn fetch<L: Lanes>(&self, l: L, p: usize, count: usize) {
         match self {
             Self::U8(frames) => frames.next.fetch(l, p, count),
             Self::U16(frames) => frames.next.fetch(l, p, count),
@@ -59,7 +59,7 @@ impl<'a> Fresh<'a> {
 
     /// Runs two vectors from `at` on; false, with nothing done, where the frames end before or a pixel is too dark.
     #[inline(always)]
-    pub fn run<L: Lanes, const NOISE: u8, const STORE: u8>(
+    pub(super) fn run<L: Lanes, const NOISE: u8, const STORE: u8>(
         &self,
         l: L,
         job: &Job<'_>,

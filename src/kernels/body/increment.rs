@@ -50,7 +50,7 @@ pub(super) struct Fine<L: Lanes> {
 impl<L: Lanes> Increment<L> {
     /// For light in 1/255 of full scale, cut off already.
     #[inline(always)]
-    pub fn new<const SHOT: bool, const ANY: bool>(l: L, c: &Constants<L>, light: L::Float) -> Self {
+    pub(super) fn new<const SHOT: bool, const ANY: bool>(l: L, c: &Constants<L>, light: L::Float) -> Self {
         let mean = l.add_f(l.mul_f(light, c.gain), c.dark);
         let word = fixed(l, mean, c.clip);
         let mut result = Self::of_halves(l, l.high(word), l.low(word));
@@ -69,7 +69,7 @@ impl<L: Lanes> Increment<L> {
 
     /// For light at which no pixel of the vector needs [`Fine`], and none of the further rules holds.
     #[inline(always)]
-    pub fn bright(l: L, c: &Constants<L>, light: L::Float) -> Self {
+    pub(super) fn bright(l: L, c: &Constants<L>, light: L::Float) -> Self {
         let word = fixed(l, l.add_f(l.mul_f(light, c.gain), c.dark), c.clip);
         let mut result = Self::of_halves(l, l.high(word), l.low(word));
         let variance = l.add_f(l.mul_f(light, c.slope), c.offset);
@@ -79,7 +79,7 @@ impl<L: Lanes> Increment<L> {
 
     /// For 8-bit light where every increment is a whole number of steps.
     #[inline(always)]
-    pub fn whole(l: L, c: &Constants<L>, light: L::Half) -> Self {
+    pub(super) fn whole(l: L, c: &Constants<L>, light: L::Half) -> Self {
         Self::of_halves(l, l.mul(light, c.whole_gain), l.splat(0))
     }
 
@@ -99,7 +99,7 @@ impl<L: Lanes> Increment<L> {
 impl<L: Lanes> Fine<L> {
     /// For light in 1/255 of full scale, cut off already; nothing where no pixel needs it.
     #[inline(always)]
-    pub fn new(l: L, job: &Job<'_>, p: usize, light: L::Float) -> Option<Self> {
+    pub(super) fn new(l: L, job: &Job<'_>, p: usize, light: L::Float) -> Option<Self> {
         let shot = job.plan.tables().shot.as_ref()?;
         let tables = job.plan.counts()?;
         let zero = l.splat_f(0.0);
@@ -140,7 +140,7 @@ impl<L: Lanes> Fine<L> {
     /// Draws the counts of `readouts`, at most [`COUNTED`], together where that is faster, readout by readout; nothing where
     /// it is not. The buffer is made when it is first needed: to clear it costs as much as some readouts.
     #[inline(always)]
-    pub fn draw<'b>(
+    pub(super) fn draw<'b>(
         &self,
         l: L,
         job: &Job<'_>,

@@ -13,7 +13,7 @@ pub(super) struct Lingering<L: Lanes> {
 
 impl<L: Lanes> Lingering<L> {
     #[inline(always)]
-    pub fn load(l: L, state: &StateParts<'_>, at: usize) -> Self {
+    pub(super) fn load(l: L, state: &StateParts<'_>, at: usize) -> Self {
         let low = &state.lingering[LOW];
         Self {
             slow: load(l, state, SLOW, at),
@@ -24,7 +24,7 @@ impl<L: Lanes> Lingering<L> {
     }
 
     #[inline(always)]
-    pub fn store(&self, l: L, state: &mut StateParts<'_>, at: usize) {
+    pub(super) fn store(&self, l: L, state: &mut StateParts<'_>, at: usize) {
         store(l, state, SLOW, at, self.slow);
         store(l, state, ADAPTED, at, self.adapted);
         store(l, state, LATE, at, self.late);

@@ -35,7 +35,7 @@ pub(super) struct Ahead<'a, T> {
 impl<T: Sample> Ahead<'_, T> {
     /// Asks for the `count` samples in the place of pixel `p` of each frame.
     #[inline(always)]
-    pub fn fetch<L: Lanes>(&self, l: L, p: usize, count: usize) {
+    pub(super) fn fetch<L: Lanes>(&self, l: L, p: usize, count: usize) {
         for frame in &self.frames {
             let mut at = 0;
             while at < count {
@@ -115,7 +115,7 @@ fn single<'a>(segments: &[(Range<usize>, Light<'a>)]) -> Option<Samples<'a>> {
 impl<'a> Pass<'a> {
     /// The readouts.
     #[inline(always)]
-    pub fn readouts(&self) -> Range<usize> {
+    pub(super) fn readouts(&self) -> Range<usize> {
         match self.segments {
             [first, .., last] => first.0.start..last.0.end,
             [only] => only.0.clone(),
@@ -124,19 +124,19 @@ impl<'a> Pass<'a> {
     }
 
     /// The frames of a pass of singles, one per readout.
-    pub fn frames<T: Sample>(&self) -> [&'a [T]; FRAMES] {
+    pub(super) fn frames<T: Sample>(&self) -> [&'a [T]; FRAMES] {
         frames(self.segments)
     }
 
     /// The tile's bits at each of its readouts.
     #[inline(always)]
-    pub fn bits<'b>(&self, job: &Job<'_>, out: &'b mut [u8]) -> ChunksExactMut<'b, u8> {
+    pub(super) fn bits<'b>(&self, job: &Job<'_>, out: &'b mut [u8]) -> ChunksExactMut<'b, u8> {
         let (readouts, bytes) = (self.readouts(), job.tile_bytes());
         out[readouts.start * bytes..readouts.end * bytes].chunks_exact_mut(bytes)
     }
 
     /// The frames that are read after these.
-    pub fn ahead<T: Sample>(&self) -> Ahead<'a, T> {
+    pub(super) fn ahead<T: Sample>(&self) -> Ahead<'a, T> {
         Ahead { frames: frames(self.next.0), further: self.next.1 }
     }
 }
@@ -156,7 +156,7 @@ pub(super) struct Rows<'a> {
 
 impl<'a> Rows<'a> {
     #[inline(always)]
-    pub fn new(job: &Job<'a>, readouts: Range<usize>, out: &'a mut [u8]) -> Self {
+    pub(super) fn new(job: &Job<'a>, readouts: Range<usize>, out: &'a mut [u8]) -> Self {
         let (rounds, bytes) = (job.batch.rounds(), job.tile_bytes());
         let bits = &mut out[readouts.start * bytes..readouts.end * bytes];
         Self {

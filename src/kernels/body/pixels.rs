@@ -30,7 +30,7 @@ impl<L: Lanes> Pixels<L> {
     /// What plans with this noise and storage have, or `ALL` that there is: of a push of four readouts a tenth went to
     /// asking for columns that its case has not.
     #[inline(always)]
-    pub fn load<const NOISE: u8, const STORE: u8, const ALL: bool>(
+    pub(super) fn load<const NOISE: u8, const STORE: u8, const ALL: bool>(
         l: L,
         state: &StateParts<'_>,
         at: usize,
@@ -50,7 +50,7 @@ impl<L: Lanes> Pixels<L> {
 
     /// What a plan without temporal noise has.
     #[inline(always)]
-    pub fn noiseless(l: L, state: &StateParts<'_>, at: usize) -> Self {
+    pub(super) fn noiseless(l: L, state: &StateParts<'_>, at: usize) -> Self {
         let none = l.splat(0);
         let (charge, fraction) = (l.load(state.charge, at), l.load(state.fraction, at));
         Self {
@@ -66,14 +66,14 @@ impl<L: Lanes> Pixels<L> {
     }
 
     #[inline(always)]
-    pub fn store_noiseless(&self, l: L, state: &mut StateParts<'_>, at: usize) {
+    pub(super) fn store_noiseless(&self, l: L, state: &mut StateParts<'_>, at: usize) {
         l.store(state.charge, at, self.charge);
         l.store(state.fraction, at, self.fraction);
     }
 
     /// Puts back what [`Pixels::load`] with the same parameters took.
     #[inline(always)]
-    pub fn store<const NOISE: u8, const STORE: u8, const ALL: bool>(
+    pub(super) fn store<const NOISE: u8, const STORE: u8, const ALL: bool>(
         &self,
         l: L,
         state: &mut StateParts<'_>,
@@ -93,7 +93,7 @@ impl<L: Lanes> Pixels<L> {
     /// Adds words of steps x 65,536, given as their halves; `low_flipped` is
     /// the low half with its top bit inverted.
     #[inline(always)]
-    pub fn add(&mut self, l: L, high: L::Half, low: L::Half, low_flipped: L::Half) {
+    pub(super) fn add(&mut self, l: L, high: L::Half, low: L::Half, low_flipped: L::Half) {
         self.fraction = l.add(self.fraction, low);
         let carry = l.greater(low_flipped, self.fraction);
         self.charge = l.add_saturating(self.charge, high);
@@ -101,24 +101,24 @@ impl<L: Lanes> Pixels<L> {
     }
 
     #[inline(always)]
-    pub fn add_halves(&mut self, l: L, (high, low): Halves<L>) {
+    pub(super) fn add_halves(&mut self, l: L, (high, low): Halves<L>) {
         self.add(l, high, low, l.xor(low, l.splat(i16::MIN)));
     }
 
     #[inline(always)]
-    pub fn add_word(&mut self, l: L, word: L::Word) {
+    pub(super) fn add_word(&mut self, l: L, word: L::Word) {
         self.add_halves(l, halves(l, word));
     }
 
     /// Adds whole steps of the quanta's noise to what waits.
     #[inline(always)]
-    pub fn wait(&mut self, l: L, noise: L::Half) {
+    pub(super) fn wait(&mut self, l: L, noise: L::Half) {
         self.waiting = l.add_saturating(self.waiting, noise);
     }
 
     /// The same for noise with a fraction.
     #[inline(always)]
-    pub fn wait_word(&mut self, l: L, word: L::Word) {
+    pub(super) fn wait_word(&mut self, l: L, word: L::Word) {
         let (high, low) = halves(l, word);
         self.waiting_fraction = l.add(self.waiting_fraction, low);
         let carry = l.greater(l.xor(low, l.splat(i16::MIN)), self.waiting_fraction);
@@ -127,7 +127,7 @@ impl<L: Lanes> Pixels<L> {
 
     /// Takes a share of 32,768 from what waits, in whole steps: the rest goes on waiting, so that nothing is lost.
     #[inline(always)]
-    pub fn release(&mut self, l: L, share: i16) -> L::Half {
+    pub(super) fn release(&mut self, l: L, share: i16) -> L::Half {
         let released = l.scale(self.waiting, l.splat(share));
         self.waiting = l.sub(self.waiting, released);
         released
@@ -135,12 +135,12 @@ impl<L: Lanes> Pixels<L> {
 
     /// Charge and fraction as one word.
     #[inline(always)]
-    pub fn word(&self, l: L) -> L::Word {
+    pub(super) fn word(&self, l: L) -> L::Word {
         l.join(self.charge, l.xor(self.fraction, l.splat(i16::MIN)))
     }
 
     #[inline(always)]
-    pub fn set_word(&mut self, l: L, word: L::Word) {
+    pub(super) fn set_word(&mut self, l: L, word: L::Word) {
         self.charge = l.high(word);
         self.fraction = l.xor(l.low(word), l.splat(i16::MIN));
     }
@@ -193,7 +193,7 @@ pub(super) struct Constants<L: Lanes> {
 impl<L: Lanes> Constants<L> {
     /// What a plan without temporal noise has.
     #[inline(always)]
-    pub fn noiseless(l: L, job: &Job<'_>, p: usize) -> Self {
+    pub(super) fn noiseless(l: L, job: &Job<'_>, p: usize) -> Self {
         let (tables, none, zero) = (job.plan.tables(), l.splat_f(0.0), l.splat(0));
         Self {
             p,
@@ -220,7 +220,7 @@ impl<L: Lanes> Constants<L> {
     /// What plans with this noise and storage have, or `ALL` that there is but for [`Constants::whole_gain`], which only plans without
     /// noise ask for.
     #[inline(always)]
-    pub fn load<const NOISE: u8, const STORE: u8, const ALL: bool>(l: L, job: &Job<'_>, p: usize) -> Self {
+    pub(super) fn load<const NOISE: u8, const STORE: u8, const ALL: bool>(l: L, job: &Job<'_>, p: usize) -> Self {
         // What a plan says is taken apart, so that nothing of it is forgotten.
         let Tables { threshold, pair_keys, gain, whole_gain: _, dark, ceiling, undecided, shot, noise } =
             job.plan.tables();

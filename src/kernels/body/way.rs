@@ -36,7 +36,7 @@ type Line<L> = [<L as Lanes>::Float; 2];
 
 impl<'a> Ways<'a> {
     /// Nothing for a single held frame, where something bends the light, and where increments have to be clipped.
-    pub fn of(job: &Job<'_>, pass: &Pass<'a>) -> Option<Self> {
+    pub(super) fn of(job: &Job<'_>, pass: &Pass<'a>) -> Option<Self> {
         let held = matches!(pass.segments, [(_, Light::Held(_))]);
         if held || job.plan.moving().is_some() || job.plan.rules().clip {
             return None;
@@ -53,7 +53,7 @@ impl<'a> Ways<'a> {
 
     /// Runs two vectors from `at` on; false, with nothing done, where the place is another or a pixel is too dark.
     #[inline(always)]
-    pub fn run<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA: bool>(
+    pub(super) fn run<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA: bool>(
         &self,
         l: L,
         job: &Job<'_>,

@@ -15,7 +15,7 @@ pub(in crate::kernels) struct Avx2(());
 
 impl Avx2 {
     /// The token, if this CPU has AVX2.
-    pub fn detect() -> Option<Self> {
+    pub(crate) fn detect() -> Option<Self> {
         is_x86_feature_detected!("avx2").then_some(Self(()))
     }
 }

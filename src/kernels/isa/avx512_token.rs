@@ -6,7 +6,7 @@ pub(in crate::kernels) struct Avx512(());
 
 impl Avx512 {
     /// The token, if this CPU has AVX-512 F, BW and VBMI.
-    pub fn detect() -> Option<Self> {
+    pub(crate) fn detect() -> Option<Self> {
         let has = is_x86_feature_detected!("avx512f")
             && is_x86_feature_detected!("avx512bw")
             && is_x86_feature_detected!("avx512vbmi");

@@ -15,7 +15,7 @@ pub(in crate::kernels) struct Sse41(());
 
 impl Sse41 {
     /// The token, if this CPU has SSE4.1, and with it SSSE3.
-    pub fn detect() -> Option<Self> {
+    pub(crate) fn detect() -> Option<Self> {
         is_x86_feature_detected!("sse4.1").then_some(Self(()))
     }
 

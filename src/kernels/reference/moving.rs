@@ -25,7 +25,7 @@ pub(super) struct Moves {
 
 impl Moves {
     /// Those of pixel `p`; none where nothing moves.
-    pub fn of(plan: &Plan, p: usize) -> Option<Self> {
+    pub(super) fn of(plan: &Plan, p: usize) -> Option<Self> {
         let Moving {
             schedule,
             quadratic,
@@ -65,7 +65,7 @@ impl Moves {
     }
 
     /// Light of pixel `p` after neighbours have shared theirs.
-    pub fn spread(&self, plan: &Plan, samples: &Samples<'_>, p: usize) -> f32 {
+    pub(super) fn spread(&self, plan: &Plan, samples: &Samples<'_>, p: usize) -> f32 {
         let own = sample(samples, p);
         let (width, height) = (plan.geometry().width(), plan.geometry().height());
         let (row, col) = (p / width, p % width);
@@ -79,7 +79,7 @@ impl Moves {
     }
 
     /// The light that turns into charge at readout `t`.
-    pub fn seen(&self, job: &Job<'_>, t: usize, light: f32, lingering: &mut Lingering) -> f32 {
+    pub(super) fn seen(&self, job: &Job<'_>, t: usize, light: f32, lingering: &mut Lingering) -> f32 {
         let mut light = light;
         if self.schedule {
             light *= job.batch.modulation().factors[t];
@@ -95,25 +95,25 @@ impl Moves {
     }
 
     /// The dark current at readout `t` around its `mean`, in steps x 65,536.
-    pub fn dark(&self, job: &Job<'_>, p: usize, t: usize, mean: f32, lingering: &mut Lingering) -> f32 {
+    pub(super) fn dark(&self, job: &Job<'_>, p: usize, t: usize, mean: f32, lingering: &mut Lingering) -> f32 {
         let Some((amplitude, rate)) = self.telegraph else { return mean };
         lingering.low ^= flip_draw(&job.batch.modulation().telegraph, p, t) < rate;
         if lingering.low { mean - amplitude } else { mean + amplitude }
     }
 
     /// What leaks out of a pixel with `stored` above its threshold; negative.
-    pub fn leaked(&self, stored: i32) -> i32 {
+    pub(super) fn leaked(&self, stored: i32) -> i32 {
         if self.leak == 0.0 { 0 } else { fixed((stored as f32 + self.threshold) * -self.leak) }
     }
 
     /// What neighbours that fired at the readout before give to pixel `p`.
-    pub fn given(&self, p: usize, around: &Around) -> i32 {
+    pub(super) fn given(&self, p: usize, around: &Around) -> i32 {
         let count = around.neighbours.get(p).copied().unwrap_or(0);
         fixed(f32::from(count) * self.coupling * self.threshold)
     }
 
     /// By how much the threshold of pixel `p` is off.
-    pub fn offset(&self, job: &Job<'_>, p: usize, t: usize, droop: f32, lingering: &mut Lingering) -> i32 {
+    pub(super) fn offset(&self, job: &Job<'_>, p: usize, t: usize, droop: f32, lingering: &mut Lingering) -> i32 {
         let modulation = job.batch.modulation();
         let mut offset = 0.0;
         if self.row_noise != 0.0 {
@@ -130,7 +130,7 @@ impl Moves {
     }
 
     /// What charge is compared with besides the threshold.
-    pub fn compared(&self, job: &Job<'_>, p: usize, t: usize) -> i32 {
+    pub(super) fn compared(&self, job: &Job<'_>, p: usize, t: usize) -> i32 {
         if self.comparator == 0.0 {
             return 0;
         }
@@ -139,7 +139,7 @@ impl Moves {
     }
 
     /// A spike raises the threshold.
-    pub fn adapt(&self, fired: bool, lingering: &mut Lingering) {
+    pub(super) fn adapt(&self, fired: bool, lingering: &mut Lingering) {
         let Some(rule) = self.adaptation else { return };
         let rise = if fired { rule.rise } else { 0.0 };
         lingering.adapted = (lingering.adapted - lingering.adapted * rule.fall + rise).min(rule.highest);

@@ -14,7 +14,7 @@ pub(super) struct Steps {
 
 impl Steps {
     /// Adds steps x 65,536; whole steps saturate.
-    pub fn add(&mut self, fixed: i32) {
+    pub(super) fn add(&mut self, fixed: i32) {
         let (fraction, carry) = self.fraction.overflowing_add(fixed as u16);
         self.fraction = fraction;
         let whole = self.whole.saturating_add((fixed >> 16) as i16);
@@ -43,7 +43,7 @@ pub(super) struct Lingering {
 }
 
 impl Pixel {
-    pub fn load(state: &StateParts<'_>, i: usize) -> Self {
+    pub(super) fn load(state: &StateParts<'_>, i: usize) -> Self {
         let held = state.held.get(i).copied().unwrap_or(0);
         let held_fraction = state.held_fraction.get(i).copied().unwrap_or(0);
         Self {
@@ -60,7 +60,7 @@ impl Pixel {
         }
     }
 
-    pub fn store(&self, state: &mut StateParts<'_>, i: usize) {
+    pub(super) fn store(&self, state: &mut StateParts<'_>, i: usize) {
         state.charge[i] = self.charge;
         state.fraction[i] = (self.fraction ^ 0x8000) as i16;
         let optional = [
@@ -80,7 +80,7 @@ impl Pixel {
     }
 
     /// Adds steps x 65,536 to the charge; whole steps saturate.
-    pub fn add(&mut self, fixed: i32) {
+    pub(super) fn add(&mut self, fixed: i32) {
         let mut sum = Steps { whole: self.charge, fraction: self.fraction };
         sum.add(fixed);
         (self.charge, self.fraction) = (sum.whole, sum.fraction);

@@ -1,8 +1,8 @@
 //! An effect of this crate in camera files, in the simulator and in a diagnosis of spikelane.
 
 use outside_effect::WEAK_SUPPLY;
-use spikelane::calibrate::{Protocol, RecordingSet};
-use spikelane::diagnose::{DiagnoseOptions, Extent, diagnose};
+use spikelane_calibrate::{Protocol, RecordingSet};
+use spikelane_calibrate::diagnose::{DiagnoseOptions, Extent, diagnose};
 use spikelane::effects::{self, Catalogue, Definition};
 use spikelane::simulate::FrameRef;
 use spikelane::{Camera, Geometry, Kind, Seeds, Sensor, Simulator, presets};

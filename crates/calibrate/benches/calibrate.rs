@@ -1,0 +1,121 @@
+//! The table of docs/why/calibration.md: errors of `a` and `d` of the default estimator and of the paper's, on a
+//! camera of known truth, and the seconds each takes.
+//!
+//! `cargo bench --bench calibrate -- WIDTH HEIGHT READOUTS...` prints a table for one size;
+//! without numbers the page's own sizes are run (half an hour) and the table is written into the page.
+
+#[path = "../tests/calibrate_support/mod.rs"]
+mod calibrate_support;
+
+use std::time::Instant;
+
+use calibrate_support::score::{Line, Score, observed, score, spread};
+use calibrate_support::{PUBLISHED, Pixel, pixels};
+use spikelane_calibrate::{CalibrateOptions, Calibration, SneeOptions, calibrate, snee};
+
+/// Width, height and readouts of the page's rows.
+const PAGE: [(u32, u32, u32); 3] = [(400, 250, 1_000), (400, 250, 10_000), (64, 40, 100_000)];
+const BEGIN: &str = "<!-- begin: cargo bench --bench calibrate -->\n";
+const END: &str = "<!-- end -->\n";
+
+const HEAD: &str = "| pixels | readouts | default: RMSE a / d | over the bound (thresholds known) | coverage of 95 % | seconds \
+| paper's: RMSE a / d | over the bound | on the box | seconds |
+|---|---|---|---|---|---|---|---|---|---|
+";
+
+fn errors(s: &Score) -> String {
+    format!("{:.4} % / {:.3} %", 100.0 * s.rmse[0], 100.0 * s.rmse[1] / PUBLISHED.dark)
+}
+
+const POPULATION: &str = "
+| pixels | readouts | mean a | spread of a | mean d | spread of d | spread of thresholds | threshold noise | electrons a spike |
+|---|---|---|---|---|---|---|---|---|
+";
+
+/// Means and spreads against those of the realised pixels, noise against its law.
+fn population(found: &Calibration, truth: &[Pixel], name: &str) -> String {
+    let (mean_a, sd_a) = spread(truth.iter().map(Pixel::a));
+    let (mean_d, sd_d) = spread(truth.iter().map(Pixel::d));
+    let p = &found.population;
+    let off = [(p.mean_a, mean_a), (p.sd_a, sd_a), (p.mean_d, mean_d), (p.sd_d, sd_d)]
+        .map(|(e, truth)| format!("{:+.4} %", 100.0 * (e.value / truth - 1.0)));
+    let (phi, noise, k) = (p.sigma_phi, found.sigma_t, found.electrons);
+    let error = if k.error.is_nan() { "assumed".to_owned() } else { format!("\u{b1} {:.0}", k.error) };
+    format!(
+        "| {name} | {} | {:.3} % \u{b1} {:.3} % for {:.3} % | {:.4} % \u{b1} {:.4} % for {:.4} % | {:.0} {error} for {:.0} |\n",
+        off.join(" | "),
+        100.0 * phi.value,
+        100.0 * phi.error,
+        100.0 * PUBLISHED.threshold_sd,
+        100.0 * noise.value,
+        100.0 * noise.error,
+        100.0 * PUBLISHED.sigma_t,
+        k.value,
+        PUBLISHED.photons,
+    )
+}
+
+fn rows(width: u32, height: u32, readouts: u32) -> [String; 2] {
+    let name = format!("{width}x{height} | {readouts}");
+    let truth: Vec<Pixel> = pixels(&PUBLISHED, (width * height) as usize, 9);
+    let observed = observed(&PUBLISHED, &truth, width, readouts);
+    let clock = Instant::now();
+    let found = calibrate(&observed, &CalibrateOptions::default()).expect("a calibration");
+    let seconds = clock.elapsed().as_secs_f64();
+    let lines: Vec<Line> = found.fits.iter().map(|f| [f.a, f.d, f.var_a, f.var_d]).collect();
+    let own = score(&PUBLISHED, &truth, &lines, readouts);
+    let clock = Instant::now();
+    let paper = snee(&observed, &SneeOptions::default()).expect("the paper's estimator");
+    let paper_seconds = clock.elapsed().as_secs_f64();
+    let nothing = [f64::NAN; 4];
+    let lines: Vec<Line> = paper
+        .pixels
+        .iter()
+        .map(|s| s.map_or(nothing, |s| [s.alpha / s.phi, s.dark / s.phi, f64::NAN, f64::NAN]))
+        .collect();
+    let theirs = score(&PUBLISHED, &truth, &lines, readouts);
+    let row = format!(
+        "| {name} | {} | {:.2} / {:.2} ({:.2} / {:.2}) | {:.1} % / {:.1} % | {seconds:.1} | {} | {:.0} / {:.0} | {:.1} % | {paper_seconds:.1} |\n",
+        errors(&own),
+        own.ratio[0],
+        own.ratio[1],
+        own.ratio_known[0],
+        own.ratio_known[1],
+        100.0 * own.coverage[0],
+        100.0 * own.coverage[1],
+        errors(&theirs),
+        theirs.ratio[0],
+        theirs.ratio[1],
+        100.0 * paper.edges().share(),
+    );
+    [row, population(&found, &truth, &name)]
+}
+
+fn main() {
+    let numbers: Vec<u32> = std::env::args().skip(1).filter_map(|a| a.parse().ok()).collect();
+    let sizes = match numbers[..] {
+        [] => PAGE.to_vec(),
+        [width, height, ref lengths @ ..] => lengths.iter().map(|n| (width, height, *n)).collect(),
+        _ => panic!("WIDTH HEIGHT READOUTS... or nothing"),
+    };
+    let mut tables = [HEAD.to_owned(), POPULATION.to_owned()];
+    for (width, height, readouts) in sizes {
+        for (table, row) in tables.iter_mut().zip(rows(width, height, readouts)) {
+            eprint!("{row}");
+            *table += &row;
+        }
+    }
+    let table = tables.concat();
+    print!("{table}");
+    if numbers.is_empty() {
+        write_into_page(&table);
+    }
+}
+
+fn write_into_page(table: &str) {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/why/calibration.md");
+    let page = std::fs::read_to_string(path).expect("the page");
+    let (before, rest) = page.split_once(BEGIN).expect("the mark of the table's begin");
+    let (_, after) = rest.split_once(END).expect("the mark of the table's end");
+    std::fs::write(path, format!("{before}{BEGIN}{table}{END}{after}")).expect("the page to be written");
+}

@@ -1,0 +1,257 @@
+//! The report: one page.
+
+use super::about_page::{glossary, judged, made};
+use super::diagnosis::{Diagnosis, Gap, Verdict};
+use super::pictures_page::seen;
+use super::words::{interval, rounded};
+use crate::diagnose::search::round::Fate;
+use spikelane::error::Result;
+use spikelane_measure::report::{Part, Row, Table, page as render, ranked};
+
+/// The page of a diagnosis.
+///
+/// # Errors
+/// When a plot cannot be made.
+pub fn page(diagnosis: &Diagnosis) -> Result<String> {
+    let mut parts = vec![Part::text(sentence(diagnosis))];
+    parts.extend(faults(diagnosis));
+    parts.extend(named(diagnosis));
+    if !diagnosis.settle.is_empty() {
+        parts.push(Part::heading("Which recording would settle a tie"));
+        parts.push(Part::List { items: diagnosis.settle.clone() });
+    }
+    parts.extend(diagnosis.about.iter().flat_map(judged));
+    if !diagnosis.notes.is_empty() {
+        parts.push(Part::heading("What a reader must know"));
+        parts.push(Part::List { items: diagnosis.notes.clone() });
+    }
+    // Where nothing was searched for there is nothing to plot.
+    if !diagnosis.gap.heldout.is_empty() {
+        parts.push(Part::heading("Where model and recordings disagree"));
+        parts.extend(disagreements(diagnosis)?);
+        parts.push(Part::heading("The gap, after each step"));
+        parts.extend(gap(diagnosis)?);
+        parts.extend(tournament(diagnosis)?);
+        parts.extend(seen(&diagnosis.traces.pictures, diagnosis.gap.train.len() > 1)?);
+        parts.push(Part::heading("What this set could not have seen"));
+        parts.push(Part::text(unseen(diagnosis)));
+        parts.push(Part::heading("Words"));
+        parts.push(Part::Table(glossary(diagnosis)));
+    }
+    parts.extend(diagnosis.about.iter().flat_map(made));
+    render("Diagnosis", &parts)
+}
+
+/// What is wrong in the laboratory stands above everything.
+fn faults(d: &Diagnosis) -> Vec<Part> {
+    if d.faults.is_empty() {
+        return Vec::new();
+    }
+    let items = d.faults.iter().map(crate::diagnose::Fault::sentence).collect();
+    vec![Part::heading("Faults of the recordings, not of the camera"), Part::List { items }]
+}
+
+/// What the set cannot show, in words that fit what it is.
+pub(in crate::diagnose) fn unseen(d: &Diagnosis) -> String {
+    if d.not_testable.is_empty() {
+        "Each effect of the catalogue would show if it were as strong as its range allows; how strong it must be to be named, --nameable says for this set.".to_owned()
+    } else {
+        format!("{}: however strong, these recordings do not show them.", d.not_testable.join(", "))
+    }
+}
+
+fn sentence(d: &Diagnosis) -> String {
+    let effects: Vec<String> = d
+        .effects
+        .iter()
+        .map(|e| {
+            let ties = if e.tied_with.is_empty() {
+                String::new()
+            } else {
+                format!(" (or {})", e.tied_with.join(", "))
+            };
+            format!("{}{}{ties}", if e.resembles { "something like " } else { "" }, e.name)
+        })
+        .chain(d.misfits.iter().map(|m| {
+            let [fitted, model] = [m.fitted, m.model].map(|x| rounded(x, m.low, m.high));
+            format!("another {} ({fitted} instead of {model})", m.parameter)
+        }))
+        .collect();
+    let names = effects.join(", ");
+    match d.verdict {
+        _ if d.gap.heldout.is_empty() => {
+            "These recordings are at fault in so much that nothing can be said of the camera.".to_owned()
+        }
+        Verdict::Agrees if d.faults.iter().any(|f| f.set_aside) => {
+            "What is not at fault agrees with the model: nothing is above its limit.".to_owned()
+        }
+        Verdict::Agrees => "The recordings agree with the model: nothing is above its limit.".to_owned(),
+        Verdict::Explained => {
+            format!("The recordings are explained by adding {names}; nothing is left above its limit.")
+        }
+        Verdict::PartlyExplained => {
+            let left = if d.unknown.is_empty() {
+                "whether that is all these recordings do not show"
+            } else {
+                "something is left"
+            };
+            format!("Adding {names} explains a part; {left}.")
+        }
+        Verdict::Unknown if names.is_empty() => {
+            "Something is there that no effect of the catalogue explains.".to_owned()
+        }
+        Verdict::Unknown => format!(
+            "Something is there that no effect of the catalogue is shown to explain; it looks a little like {}.",
+            names.replace("something like ", "")
+        ),
+    }
+}
+
+fn named(d: &Diagnosis) -> Vec<Part> {
+    let mut table = Table::new(&["effect", "parameter", "value", "95 % interval", "as likely", "evidence"]);
+    for e in &d.effects {
+        for (i, p) in e.parameters.iter().enumerate() {
+            let (name, ties, evidence) = if i == 0 {
+                (e.name, e.tied_with.join(", "), e.evidence.as_str())
+            } else {
+                ("", String::new(), "")
+            };
+            table.row([
+                name,
+                p.name,
+                &rounded(p.value, p.low, p.high),
+                &interval(p.low, p.high),
+                &ties,
+                evidence,
+            ]);
+        }
+    }
+    for m in &d.misfits {
+        let note = format!("the model has {}", rounded(m.model, m.low, m.high));
+        table.row([
+            "misfit",
+            &m.parameter,
+            &rounded(m.fitted, m.low, m.high),
+            &interval(m.low, m.high),
+            &m.tied_with.join(", "),
+            &note,
+        ]);
+    }
+    let mut parts = Vec::new();
+    if !table.rows.is_empty() {
+        parts.push(Part::Table(table));
+    }
+    if !d.unknown.is_empty() {
+        let mut left = Table::new(&["left unexplained", "standard deviations"]);
+        d.unknown.iter().for_each(|u| left.row([u.r#where.clone(), format!("{:.1}", u.z)]));
+        parts.push(Part::Table(left));
+    }
+    parts
+}
+
+fn gap(d: &Diagnosis) -> Result<Vec<Part>> {
+    const MEASURE: &str =
+        "the squared distance of the statistics to the model, with what calibration fits taken out";
+    let Gap { train, heldout, floor, floor_sd } = &d.gap;
+    let held_out = d.gap.is_held_out();
+    // One bar beside no other says no more than its number.
+    if let ([fitted], [judging]) = (train.as_slice(), heldout.as_slice()) {
+        let values = if held_out {
+            format!("{fitted:.0} for the fitted recordings and {judging:.0} for the held-out ones")
+        } else {
+            format!("{fitted:.0}")
+        };
+        return Ok(vec![Part::text(format!(
+            "Nothing was added. The gap, {MEASURE}, is {values}; the model's own sensors have {floor:.0}, with a deviation of {floor_sd:.0}."
+        ))]);
+    }
+    let (sets, whose): (&[&str], _) = if held_out {
+        (&["fitted recordings", "held-out recordings"], "of the held-out recordings")
+    } else {
+        (&["recordings"], "of these recordings")
+    };
+    let row = |(name, (a, b)): (&String, (&f64, &f64))| {
+        let values = if held_out { vec![*a, *b] } else { vec![*a] };
+        let said: Vec<String> = values.iter().map(|v| format!("{v:.0}")).collect();
+        Row { name: format!("{name}: {}", said.join(", ")), values }
+    };
+    let rows: Vec<Row> = d.traces.gaps.iter().zip(train.iter().zip(heldout)).map(row).collect();
+    let [first, last] = [heldout.first(), heldout.last()].map(|v| v.copied().unwrap_or_default());
+    Ok(vec![Part::figure(
+        ranked("squared distance, in standard deviations squared", sets, &rows, Some((*floor, "floor")))?,
+        format!(
+            "The gap is {MEASURE}. That {whose} is {first:.0} at first and {last:.0} at last; the final model's own sensors have {floor:.0}, \
+             the floor, with a deviation of {floor_sd:.0}."
+        ),
+    )])
+}
+
+/// Rows of the largest deviations.
+const SHOWN: usize = 24;
+
+/// Deviations that a clean sensor shows somewhere once in a thousand times.
+const PLAIN: f64 = 5.0;
+
+fn disagreements(d: &Diagnosis) -> Result<Vec<Part>> {
+    let mut rows: Vec<_> = d.traces.deviations.iter().collect();
+    rows.sort_by(|a, b| b.2.abs().max(b.3.abs()).total_cmp(&a.2.abs().max(a.3.abs())));
+    // Where nothing was added there is no after.
+    let added = d.gap.train.len() > 1;
+    let row = |(name, place, before, after): &(String, String, f64, f64)| Row {
+        name: format!("{place}: {name}"),
+        values: if added { vec![*before, *after] } else { vec![*before] },
+    };
+    let shown: Vec<Row> = rows.iter().take(SHOWN).map(|r| row(r)).collect();
+    let plain = |after: bool| rows.iter().filter(|r| (if after { r.3 } else { r.2 }).abs() > PLAIN).count();
+    let series: &[&str] = if added { &["before", "after"] } else { &["recordings less model"] };
+    let caption = if added {
+        format!(
+            "The largest deviations of the fitted recordings from the model, before and after effects were added: {} of {} \
+             statistics are beyond five standard deviations before, {} after.",
+            plain(false),
+            rows.len(),
+            plain(true)
+        )
+    } else {
+        format!(
+            "The largest deviations of the fitted recordings from the model: {} of {} statistics are beyond five standard deviations.",
+            plain(false),
+            rows.len()
+        )
+    };
+    Ok(vec![Part::figure(ranked("standard deviations", series, &shown, Some((PLAIN, "5")))?, caption)])
+}
+
+fn tournament(d: &Diagnosis) -> Result<Vec<Part>> {
+    let mut parts = Vec::new();
+    let rounds = d.traces.tournament.iter().zip(&d.traces.steps);
+    // A name that came in the place of another one won no tournament, its evidence says so; and one alone had no rival.
+    for (round, (winner, fate)) in rounds.filter(|(round, _)| round.len() > 1) {
+        let (what, caption) = match fate {
+            Fate::Kept => (
+                "",
+                "What each candidate leaves of the gap when it is fitted; within noise the names are tied.",
+            ),
+            Fate::TurnedDown if d.gap.is_held_out() => (
+                ", not kept",
+                "The held-out recordings did not come nearer with the winner, so it was not kept.",
+            ),
+            Fate::TurnedDown => (
+                ", not kept",
+                "The recordings did not come nearer with the winner by enough, so it was not kept.",
+            ),
+            Fate::Dropped => (
+                ", dropped later",
+                "The winner was kept at first. Once the other names were known, the recordings were as likely without it.",
+            ),
+        };
+        parts.push(Part::heading(&format!("Tournament: {winner}{what}")));
+        let row = |(name, misfit, tied): &(&str, f64, bool)| Row {
+            name: format!("{name}: {misfit:.0}{}", if *tied && name != winner { " (tied)" } else { "" }),
+            values: vec![*misfit],
+        };
+        let rows: Vec<Row> = round.iter().map(row).collect();
+        parts.push(Part::figure(ranked("gap that is left", &["fitted"], &rows, None)?, caption));
+    }
+    Ok(parts)
+}

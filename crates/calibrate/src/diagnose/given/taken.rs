@@ -1,0 +1,101 @@
+//! A set as it is judged: what was looked at, and what was set aside.
+
+use crate::RecordingSet;
+use crate::diagnose::given::phases::{begun_over, in_step};
+use crate::diagnose::lab::fault::Fault;
+use crate::diagnose::lab::look::look;
+use crate::diagnose::protocol::extent::{Extent, Part};
+use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::statistics::all::vector;
+use crate::diagnose::statistics::measured::{Measured, measure};
+use spikelane::error::Result;
+
+/// A set that was read and measured.
+pub(in crate::diagnose) struct Taken {
+    pub set: RecordingSet,
+    pub setup: Setup,
+    pub measured: Measured,
+}
+
+/// The set that is fitted and the one that judges: another take, another part of the same one, or the same once more.
+pub(in crate::diagnose) struct Both {
+    pub fitted: Taken,
+    pub judging: Taken,
+    /// Readouts at the start of each recording that were set aside, as pixels began together.
+    pub aside: Vec<(String, usize)>,
+    /// The share of a threshold over which charges lay at the first readout, where pixels began together.
+    pub begun_over: Option<f64>,
+    /// What is wrong in the laboratory.
+    pub faults: Vec<Fault>,
+}
+
+impl Taken {
+    /// Reads and measures a part of `set`.
+    pub(crate) fn of(set: &RecordingSet, part: Part, extent: Extent, aside: &[usize]) -> Result<Self> {
+        let setup = Setup::behind(set, part, extent, aside)?;
+        let measured = measure(&setup, set)?;
+        Ok(Self { set: set.clone(), setup, measured })
+    }
+
+    /// Without some of its recordings.
+    fn without(self, dropped: &[usize]) -> Self {
+        let Self { mut set, setup, measured } = self;
+        let kept = |k: &usize| !dropped.contains(k);
+        let all = set.recordings.len();
+        let pick = |k: usize| set.recordings[k].clone();
+        let recordings = (0..all).filter(kept).map(pick).collect();
+        set.recordings = recordings;
+        let setup = setup.without(dropped);
+        let mut located = measured.located;
+        located.0 = located.0.into_iter().enumerate().filter(|(k, _)| kept(k)).map(|(_, p)| p).collect();
+        let scans: Vec<_> =
+            measured.scans.into_iter().enumerate().filter(|(k, _)| kept(k)).map(|(_, s)| s).collect();
+        let values = vector(&setup, &scans).values;
+        Self { set, setup, measured: Measured { scans, values, located } }
+    }
+}
+
+impl Both {
+    /// Reads both sets. What pixels that began together do is set aside, and so are recordings that are at fault.
+    pub(crate) fn read(sets: [&RecordingSet; 2], parts: [Part; 2], extent: Extent) -> Result<Self> {
+        let read = |aside: &[usize]| -> Result<[Taken; 2]> {
+            Ok([Taken::of(sets[0], parts[0], extent, aside)?, Taken::of(sets[1], parts[1], extent, aside)?])
+        };
+        let mut taken = read(&[])?;
+        // The second halves of recordings begin where the first ones end.
+        let over = begun_over(&taken[0].setup, &taken[0].measured.scans);
+        let begins: &[usize] = if parts[1] == Part::Second { &[0] } else { &[0, 1] };
+        let aside = begins.iter().map(|i| in_step(&taken[*i].setup, &taken[*i].measured.scans));
+        let aside =
+            aside.reduce(|a, b| a.iter().zip(&b).map(|(a, b)| *a.max(b)).collect()).unwrap_or_default();
+        if aside.iter().any(|n| *n > 0) {
+            taken = read(&aside)?;
+        }
+        let named = taken[0].setup.scenes.iter().zip(&aside).map(|(s, n)| (s.file_name(), *n));
+        let aside = named.filter(|(_, n)| *n > 0).collect();
+        let [fitted, judging] = taken;
+        Ok(Self { fitted, judging, aside, begun_over: over, faults: Vec::new() }.sorted(sets, parts))
+    }
+
+    /// Without recordings that are at fault in either set.
+    fn sorted(mut self, sets: [&RecordingSet; 2], parts: [Part; 2]) -> Self {
+        let other = parts[0] != parts[1] || !std::ptr::eq(sets[0], sets[1]);
+        let mut seen = look(&self.fitted.setup, &self.fitted.measured.scans, sets[0]);
+        if other && self.fitted.setup.scenes.len() == self.judging.setup.scenes.len() {
+            let more = look(&self.judging.setup, &self.judging.measured.scans, sets[1]);
+            let place = if parts[0] == parts[1] { " of the held-out set" } else { " in the second half" };
+            seen.and(more, place);
+        }
+        let mut dropped: Vec<usize> = seen.dropped;
+        dropped.sort_unstable();
+        dropped.dedup();
+        self.faults = seen.faults;
+        if !dropped.is_empty() {
+            self.fitted = self.fitted.without(&dropped);
+            self.judging = self.judging.without(&dropped);
+        }
+        self.fitted.setup.lamp = seen.lamp;
+        self.judging.setup.lamp = seen.lamp;
+        self
+    }
+}

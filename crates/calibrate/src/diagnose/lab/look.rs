@@ -1,0 +1,117 @@
+//! Looks at a set for faults of the laboratory.
+
+use super::drift::drifting;
+use super::fault::Fault;
+use super::level::level;
+use super::levels::odd;
+use super::motion::{moves, strangers};
+use super::swing::swings;
+use crate::{Level, Light, Pattern, RecordingSet};
+use crate::diagnose::protocol::recorded_set::{LAMP, Setup};
+use crate::diagnose::recording::scan::Scan;
+use crate::diagnose::statistics::quantiles::Spread;
+
+/// What was seen.
+pub(in crate::diagnose) struct Seen {
+    pub faults: Vec<Fault>,
+    /// Recordings that are set aside.
+    pub dropped: Vec<usize>,
+    /// Relative deviation of lamps.
+    pub lamp: f64,
+}
+
+/// Lamps as they were stated, where fewer levels than tell them are lit.
+const TOLD_BY: usize = 4;
+
+pub(in crate::diagnose) fn look(setup: &Setup, scans: &[Scan], set: &RecordingSet) -> Seen {
+    let mut seen = Seen { faults: Vec::new(), dropped: Vec::new(), lamp: LAMP };
+    if setup.maps {
+        return seen;
+    }
+    let width = setup.geometry.width();
+    let constant = (0..scans.len()).filter(|k| setup.scenes[*k].constant());
+    seen.take(constant.filter_map(|k| Some((k, moves(&setup.scenes[k], &scans[k])?))).collect());
+    let level_of = |k: usize| setup.scenes[k].level().map(|_| (k, level(&setup.scenes[k], &scans[k])));
+    let mut levels: Vec<(usize, Level)> = (0..scans.len()).filter_map(level_of).collect();
+    let pick =
+        |levels: &mut Vec<(usize, Level)>, seen: &Seen| levels.retain(|(k, _)| !seen.dropped.contains(k));
+    pick(&mut levels, &seen);
+    seen.take(strangers(&levels, width));
+    pick(&mut levels, &seen);
+    seen.take(drifting(&levels));
+    pick(&mut levels, &seen);
+    for (scene, fault) in swings(setup, scans) {
+        match scene {
+            Some(k) if !seen.dropped.contains(&k) => seen.take(vec![(k, fault)]),
+            Some(_) => {}
+            None => seen.faults.push(fault),
+        }
+    }
+    pick(&mut levels, &seen);
+    let (off, scatter, lamp) = odd(&levels, bright_squares(setup, scans));
+    seen.take(off);
+    seen.faults.extend(scatter);
+    let lit = levels.iter().filter(|(_, l)| l.light > 0.0).count();
+    let stated = set.light_uncertainty.filter(|_| lit < TOLD_BY);
+    seen.lamp = stated.unwrap_or(LAMP).max(lamp);
+    seen
+}
+
+impl Seen {
+    fn take(&mut self, found: Vec<(usize, Fault)>) {
+        for (k, fault) in found {
+            self.dropped.push(k);
+            self.faults.push(fault);
+        }
+    }
+
+    /// Adds what another set shows, which stands in `place`.
+    pub(crate) fn and(&mut self, more: Self, place: &str) {
+        let Self { faults, dropped, lamp } = more;
+        let known =
+            |f: &Fault| self.faults.iter().any(|own| own.kind == f.kind && own.recording == f.recording);
+        let new: Vec<Fault> = faults.into_iter().filter(|f| !known(f)).collect();
+        self.faults.extend(new.into_iter().map(|f| {
+            let recording = f.recording.map(|file| format!("{file}{place}"));
+            Fault { recording, ..f }
+        }));
+        self.dropped.extend(dropped);
+        self.lamp = self.lamp.max(lamp);
+    }
+}
+
+/// Light and mean rate of the bright squares of a checkerboard, away from their edges.
+fn bright_squares(setup: &Setup, scans: &[Scan]) -> Option<[f64; 2]> {
+    let board = |k: usize| match setup.scenes[k].light {
+        Light::Scene(Pattern::Checkerboard { high, cell, .. }) => Some((k, high, cell.max(1) as usize)),
+        _ => None,
+    };
+    let (k, high, cell) = (0..scans.len()).find_map(board)?;
+    let width = setup.geometry.width();
+    let inside = |p: &usize| {
+        let (row, col) = (p / width, p % width);
+        let edge = |at: usize| at.is_multiple_of(cell) || at % cell == cell - 1;
+        (row / cell + col / cell).is_multiple_of(2) && !edge(row) && !edge(col)
+    };
+    let rates: Vec<f64> =
+        (0..scans[k].pixels.len()).filter(inside).map(|p| scans[k].pixels[p].rate).collect();
+    let usual = Spread::of(&rates).trimmed;
+    (rates.len() >= 100 && usual < 0.985).then_some([high, usual])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fault::FaultKind;
+    use super::*;
+
+    #[test]
+    fn what_two_takes_show_is_said_once_and_set_aside_in_both() {
+        let fault = |file: &str| Fault::of(file, FaultKind::LightDrifts, "drifts".to_owned());
+        let mut seen = Seen { faults: vec![fault("a.dat")], dropped: vec![3], lamp: LAMP };
+        let more = Seen { faults: vec![fault("a.dat"), fault("b.dat")], dropped: vec![3, 4], lamp: 3e-3 };
+        seen.and(more, " of the held-out set");
+        assert_eq!(seen.faults.len(), 2);
+        assert_eq!(seen.faults[1].recording.as_deref(), Some("b.dat of the held-out set"));
+        assert_eq!((seen.dropped.as_slice(), seen.lamp), ([3, 3, 4].as_slice(), 3e-3));
+    }
+}

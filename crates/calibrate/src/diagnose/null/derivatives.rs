@@ -1,0 +1,189 @@
+//! What the base model's numbers and the lamps move.
+
+use std::ops::Range;
+use std::sync::atomic::AtomicUsize;
+
+use super::denoised::quiet;
+use super::mean::average;
+use super::watched::count;
+use crate::diagnose::protocol::recorded_set::LAMP;
+use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::recording::scan::Scan;
+use crate::diagnose::sensors::base::number_of;
+use crate::diagnose::sensors::knob::Knob;
+use crate::diagnose::sensors::model::Model;
+use crate::diagnose::sensors::simulate;
+use crate::diagnose::statistics::all::vector;
+use spikelane::error::Result;
+use spikelane::unstable::threads;
+use nalgebra::{DMatrix, DVector};
+
+/// Simulations for a derivative, on a sensor of so many pixels, where each tells as much as several, and on one of so many;
+/// on a smaller one as many more as it has fewer pixels, up to a limit.
+const MANY_PIXELS: (usize, usize) = (20_000, 8);
+const USUAL_PIXELS: (usize, usize) = (2304, 16);
+const MOST: usize = 64;
+
+pub(in crate::diagnose) fn pairs(setup: &Setup) -> usize {
+    let pixels = setup.geometry.pixels();
+    if pixels >= MANY_PIXELS.0 {
+        return MANY_PIXELS.1;
+    }
+    (USUAL_PIXELS.1 * USUAL_PIXELS.0 / pixels.max(1)).clamp(USUAL_PIXELS.1, MOST)
+}
+
+/// Step for the derivative by a base number, relative to its value.
+pub(in crate::diagnose) fn step(knob: &Knob) -> f64 {
+    number_of(knob).map_or(0.2, |number| number.step)
+}
+
+/// The base model with the draws of one seed: its vector, and what each lamp moves in it by [`LAMP_STEP`] of its deviations.
+pub(in crate::diagnose) struct Drawn {
+    pub vector: DVector<f64>,
+    pub lamps: Vec<DVector<f64>>,
+}
+
+/// Small, whatever the lamp's deviation is: the lattices of bright intervals turn back soon.
+const LAMP_STEP: f64 = 3.0;
+
+/// Of each lamp only its own recording is simulated again, and none where all vectors were kept.
+pub(in crate::diagnose) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -> Result<Drawn> {
+    let still = model.sample(&[], &[], setup.scenes.len())?;
+    if model.lamps.is_empty() {
+        let vector = DVector::from_vec(simulate::values(setup, &still, seed)?);
+        return Ok(Drawn { vector, lamps: Vec::new() });
+    }
+    let mut scanned: Option<Vec<Scan>> = None;
+    let plain = simulate::kept_or(setup, &still, seed, || {
+        let scans = scanned.insert(simulate::scans(setup, &still, seed)?);
+        Ok(vector(setup, scans).values)
+    })?;
+    let plain = DVector::from_vec(plain);
+    let mut lamps = Vec::new();
+    for k in &model.lamps {
+        let mut moved = still.clone();
+        moved.lamps[*k] = 1.0 + LAMP_STEP * LAMP;
+        let values = simulate::kept_or(setup, &moved, seed, || {
+            let scans = match &mut scanned {
+                Some(scans) => scans,
+                None => scanned.insert(simulate::scans(setup, &still, seed)?),
+            };
+            let own =
+                std::mem::replace(&mut scans[*k], simulate::scan_of_recording(setup, &moved, *k, seed)?);
+            let values = vector(setup, scans).values;
+            scans[*k] = own;
+            Ok(values)
+        })?;
+        lamps.push((DVector::from_vec(values) - &plain) / LAMP_STEP);
+    }
+    Ok(Drawn { vector: plain, lamps })
+}
+
+/// Changes per standard deviation of each lamp; `all` has those of each simulation.
+pub(in crate::diagnose) fn lamp_columns(
+    all: &[Vec<DVector<f64>>],
+    model: &Model,
+    entries: usize,
+) -> DMatrix<f64> {
+    if model.lamps.is_empty() {
+        return DMatrix::zeros(entries, 0);
+    }
+    let column = |k: usize| average(&all.iter().map(|c| c[k].clone()).collect::<Vec<_>>());
+    DMatrix::from_columns(&(0..model.lamps.len()).map(column).collect::<Vec<_>>()) * (model.lamp / LAMP)
+}
+
+/// Changes by a step of every base number, for the draws of some seeds of which `baseline` has the vectors.
+pub(in crate::diagnose) fn changes(
+    setup: &Setup,
+    model: &Model,
+    seed: u64,
+    baseline: &[DVector<f64>],
+    seeds: Range<usize>,
+    done: &AtomicUsize,
+) -> Result<Changes> {
+    let n = model.knobs.len();
+    let one = |j: usize| -> Result<Vec<DVector<f64>>> {
+        let sample = model.sample(&stepped(model, j), &[], setup.scenes.len())?;
+        let change = |i: usize| -> Result<DVector<f64>> {
+            let values = simulate::values(setup, &sample, seed + i as u64)?;
+            count(done);
+            Ok(DVector::from_vec(values) - &baseline[i])
+        };
+        threads::try_map(seeds.clone(), change)
+    };
+    Ok(Changes(threads::try_map(0..n, one)?))
+}
+
+fn stepped(model: &Model, j: usize) -> Vec<f64> {
+    let mut u = vec![0.0; model.knobs.len()];
+    u[j] = step(&model.knobs[j]);
+    u
+}
+
+/// What steps of the base numbers change, by the number and the simulation.
+#[derive(Clone, Debug, Default)]
+pub(in crate::diagnose) struct Changes(Vec<Vec<DVector<f64>>>);
+
+impl Changes {
+    /// Simulations of each.
+    pub(crate) fn count(&self) -> usize {
+        self.0.first().map_or(0, Vec::len)
+    }
+
+    /// Adds those of further seeds.
+    pub(crate) fn extend(&mut self, more: Self) {
+        if self.0.is_empty() {
+            self.0 = more.0;
+            return;
+        }
+        self.0.iter_mut().zip(more.0).for_each(|(own, more)| own.extend(more));
+    }
+
+    /// Changes per unit of every base knob.
+    pub(crate) fn jacobian(&self, model: &Model, spread: &[f64]) -> DMatrix<f64> {
+        let column = |(j, all): (usize, &Vec<DVector<f64>>)| {
+            quiet(average(all), spread, all.len()) / step(&model.knobs[j])
+        };
+        let columns: Vec<_> = self.0.iter().enumerate().map(column).collect();
+        if columns.is_empty() { DMatrix::zeros(spread.len(), 0) } else { DMatrix::from_columns(&columns) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Light;
+    use crate::diagnose::protocol::recorded::Scene;
+    use spikelane::spikes::Geometry;
+
+    /// What is kept of a moved lamp is known by its sample alone, and must be that sample's vector.
+    #[test]
+    fn a_lamp_moves_its_own_recording_as_a_simulation_of_all_says() {
+        let scene = |light| Scene {
+            name: String::new(),
+            light: Light::Level(light),
+            readouts: 256,
+            skip: 0,
+            still: None,
+        };
+        let setup = Setup {
+            geometry: Geometry::new(16, 16).unwrap(),
+            readout_hz: 20_000.0,
+            scenes: [0.0, 0.1, 0.3, 0.6].map(scene).into(),
+            maps: false,
+            band: None,
+            first_readouts: None,
+            lamp: LAMP,
+        };
+        let model = Model::base(spikelane::presets::builtin("scsim-code").unwrap(), &setup);
+        let drawn = with_lamps(&setup, &model, 3).unwrap();
+        assert_eq!((model.lamps.as_slice(), drawn.lamps.len()), ([1, 2, 3].as_slice(), 3));
+        for (k, change) in model.lamps.iter().zip(&drawn.lamps) {
+            let mut moved = model.sample(&[], &[], 4).unwrap();
+            moved.lamps[*k] = 1.0 + LAMP_STEP * LAMP;
+            let values = DVector::from_vec(simulate::values(&setup, &moved, 3).unwrap());
+            assert_eq!(*change, (values - &drawn.vector) / LAMP_STEP);
+            assert!(change.amax() > 0.0, "recording {k}");
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! What a third of the simulations say of a set, before the others are made.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::limits::score_of;
+use super::mean::average;
+use super::metric::{Metric, noise};
+use crate::diagnose::sensors::catalogue::Candidate;
+use spikelane::error::Result;
+
+/// Deviation and score up to which a set agrees at first sight. The noise comes from a couple of dozen sensors here, so that a statistic of a
+/// clean one is 7 of its deviations off once in 2.6 million times, and one of some 250 of them once in ten thousand.
+const PLAIN: f64 = 7.0;
+
+/// Share of the best name's score squared from which on a name is likely, and the most that are said.
+const NEAR: f64 = 0.35;
+const MOST: usize = 5;
+
+/// What is seen at first sight. The diagnosis goes on, sees weaker effects, fits and compares the names, and may end otherwise.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
+pub struct FirstLook {
+    /// Whether nothing stands out.
+    pub agrees: bool,
+    /// Names that what stands out looks like, the most likely first.
+    pub likely: Vec<&'static str>,
+}
+
+impl FirstLook {
+    /// The same in a sentence.
+    #[must_use]
+    pub fn sentence(&self) -> String {
+        match (self.agrees, self.likely.as_slice()) {
+            (true, _) => "nothing stands out; what is weaker is looked for now".to_owned(),
+            (false, []) => {
+                "something stands out that is like no name of the catalogue; it is looked at closely now"
+                    .to_owned()
+            }
+            (false, names) => format!(
+                "something stands out, most like {}; names are fitted and compared now",
+                names.join(", ")
+            ),
+        }
+    }
+}
+
+/// What is looked at, and who is told.
+pub(in crate::diagnose) struct First<'a> {
+    pub data: &'a DVector<f64>,
+    pub told: &'a mut dyn FnMut(&FirstLook),
+}
+
+/// A part of what a reference is made of.
+pub(super) struct Sketch<'a> {
+    /// Sensors of the base model.
+    pub baseline: &'a [DVector<f64>],
+    pub jacobian: DMatrix<f64>,
+    pub lamps: &'a DMatrix<f64>,
+    pub floors: &'a [f64],
+    /// What each candidate changes.
+    pub signatures: &'a [(&'a Candidate, DVector<f64>)],
+}
+
+impl Sketch<'_> {
+    pub(super) fn look(&self, data: &DVector<f64>) -> Result<FirstLook> {
+        let mean = average(self.baseline);
+        // The mean is fitted: of so many sensors their squares fall short by one.
+        let short = self.baseline.len() as f64 / (self.baseline.len() - 1) as f64;
+        let residuals: Vec<DVector<f64>> = self.baseline.iter().map(|b| (b - &mean) * short.sqrt()).collect();
+        let metric =
+            Metric::new(&noise(&residuals, self.floors)?.with_columns(self.lamps)?, self.jacobian.clone());
+        let off = data - &mean;
+        let dual = metric.dual(&off);
+        let mut names: Vec<(f64, &'static str)> = Vec::new();
+        for (candidate, change) in self.signatures {
+            let score = score_of(&metric, change, &dual);
+            match names.iter_mut().find(|n| n.1 == candidate.effect.name) {
+                Some(known) => known.0 = known.0.max(score),
+                None => names.push((score, candidate.effect.name)),
+            }
+        }
+        names.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let best = names.first().map_or(0.0, |n| n.0);
+        let deviation = metric.scores(&off).into_iter().fold(0.0, |m: f64, z| m.max(z.abs()));
+        let agrees = deviation < PLAIN && best < PLAIN;
+        let near = |n: &&(f64, &str)| n.0 > PLAIN && n.0 * n.0 > NEAR * best * best;
+        let likely = names.iter().filter(near).map(|n| n.1).take(MOST);
+        Ok(FirstLook { agrees, likely: likely.collect() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_look_in_words_says_what_follows() {
+        let look = |agrees, likely: &[&'static str]| FirstLook { agrees, likely: likely.to_vec() }.sentence();
+        assert!(look(true, &[]).starts_with("nothing stands out"));
+        assert!(look(false, &["leak", "dead_time"]).contains("most like leak, dead_time;"));
+        assert!(look(false, &[]).contains("no name"));
+    }
+}

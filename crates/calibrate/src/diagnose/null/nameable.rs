@@ -1,0 +1,189 @@
+//! How strong an effect must be on a set before it can be named.
+
+use super::reference::Reference;
+use super::signature::Signature;
+use super::signature::reach;
+use spikelane::effects::{Definition, Events};
+use spikelane::error::Result;
+
+/// Efficient score at which an effect counts as nameable.
+pub const SCORE: f64 = 5.0;
+
+/// A length of a signature that is near enough to [`SCORE`] for a straight line.
+const WEAK: f64 = 40.0;
+
+/// Largest cosine that is projected out.
+const LIKEST: f64 = 0.97;
+
+/// Halvings of the logarithm of where an effect sets in: a few per cent.
+const ONSET_STEPS: usize = 6;
+
+/// Events that a set must be expected to hold: fewer than one set in a hundred then has none.
+const LEAST: f64 = 5.0;
+
+/// The smallest strength at which an effect can be told from calibration and from its nearest rival.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Nameable {
+    /// Canonical name.
+    pub name: &'static str,
+    /// Its amplitude's key.
+    pub key: &'static str,
+    /// Strength, as a difference from the effect's absence.
+    pub strength: f64,
+    /// The candidate that it is most alike.
+    pub nearest: &'static str,
+    /// Cosine of the angle between the two.
+    pub alike: f64,
+}
+
+impl Reference {
+    /// Every candidate's smallest nameable strength; the median over the shapes that are tried.
+    ///
+    /// Lengths and angles come from products of different simulations, whose noise averages out.
+    #[must_use]
+    pub fn nameable(&self) -> Vec<Nameable> {
+        self.looked_for().into_iter().filter_map(|effect| self.nameable_one(effect)).collect()
+    }
+
+    /// Effects whose signatures are known, in the order in which they are tried.
+    fn looked_for(&self) -> Vec<&'static Definition> {
+        let mut effects: Vec<&'static Definition> =
+            self.signatures.iter().map(|s| s.candidate.effect).collect();
+        effects.dedup();
+        effects
+    }
+
+    /// Names that this set cannot show.
+    pub(in crate::diagnose) fn not_testable(&self) -> Vec<&'static str> {
+        let strongest = |effect: &&'static Definition| {
+            let own = self.signatures.iter().filter(|s| s.candidate.effect == *effect);
+            own.map(|s| self.square(s) * reach(s).powi(2)).fold(0.0, f64::max) < SCORE * SCORE
+        };
+        let weak = self.looked_for().into_iter().filter(strongest);
+        weak.chain(self.missing.iter().copied()).map(|effect| effect.name).collect()
+    }
+
+    /// The same of one name; nothing where its signature is lost in its own noise.
+    pub(in crate::diagnose) fn nameable_one(&self, effect: &'static Definition) -> Option<Nameable> {
+        let mut found: Vec<Nameable> = Vec::new();
+        for tried in self.signatures.iter().filter(|s| s.candidate.effect == effect) {
+            let (nearest, alike) = self.nearest(tried);
+            let weak = self.weakened(tried).ok()?;
+            let square = self.square(&weak);
+            // A signature that is lost in its own noise says nothing.
+            if square < 25.0 {
+                continue;
+            }
+            let length = (square * (1.0 - alike * alike)).sqrt();
+            let knob = weak.candidate.knobs[0];
+            let u = self.onset(&weak, SCORE / length).ok()?;
+            let strength = (knob.value(u) - knob.value(0.0)).abs();
+            found.push(Nameable { name: effect.name, key: knob.key, strength, nearest, alike });
+        }
+        let fewest = self.fewest(effect);
+        found.iter_mut().for_each(|f| f.strength = f.strength.max(fewest));
+        found.sort_by(|a, b| a.strength.total_cmp(&b.strength));
+        // Noise falls so much with the frequency of a line that the middle one says nothing of the others: the worst one counts.
+        let is_line = effect.tried().any(|(_, tried)| tried.is_line);
+        let of_all = if is_line { found.len().saturating_sub(1) } else { found.len() / 2 };
+        (!found.is_empty()).then(|| found.swap_remove(of_all))
+    }
+
+    /// What happens to whole readouts or pixels must happen at all.
+    fn fewest(&self, effect: &Definition) -> f64 {
+        let readouts: usize = self.setup.scenes.iter().map(|s| s.readouts).sum();
+        match effect.events {
+            None => 0.0,
+            Some(Events::LostReadouts | Events::RepeatedReadouts) => LEAST / readouts as f64,
+            Some(Events::Pixels) => LEAST / self.setup.geometry.pixels() as f64,
+        }
+    }
+
+    /// The candidate of another name that looks most like `own`, and the cosine between them. Two that
+    /// nothing tells apart are a tie when found, so what is projected out is bounded.
+    fn nearest(&self, own: &Signature) -> (&'static str, f64) {
+        let square = self.square(own);
+        let alike = |rival: &Signature| {
+            let other = self.square(rival);
+            if other < 25.0 || square < 25.0 {
+                return 0.0;
+            }
+            (self.product(own, rival) / (square * other).sqrt()).clamp(-1.0, 1.0)
+        };
+        let rivals = self.signatures.iter().filter(|s| s.candidate.effect.name != own.candidate.effect.name);
+        let nearest = rivals
+            .map(|r| (alike(r), r.candidate.effect.name))
+            .max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+        nearest.map_or(("", 0.0), |(a, n)| (n, a.clamp(-LIKEST, LIKEST)))
+    }
+
+    /// The signature at a strength near the smallest nameable one: few effects are linear over decades.
+    fn weakened(&self, tried: &Signature) -> Result<Signature> {
+        let mut signature = tried.clone();
+        for _ in 0..4 {
+            let length = self.square(&signature).max(0.0).sqrt();
+            if length < WEAK {
+                break;
+            }
+            let mut candidate = signature.candidate.clone();
+            candidate.at[0] *= (0.5 * WEAK / length).max(0.03);
+            let weaker = self.signature(candidate)?;
+            if self.square(&weaker) < 36.0 {
+                break;
+            }
+            signature = weaker;
+        }
+        Ok(signature)
+    }
+
+    /// Position at which a signature has `share` of its length, which is small. A straight line from no effect
+    /// would promise too much of one that sets in late, as a clamp does: three times further it must have done
+    /// at least half of what the line says, or the position is where it does.
+    fn onset(&self, weak: &Signature, share: f64) -> Result<f64> {
+        let (mut low, mut high) = (3.0 * share, 1.0);
+        let promised = self.square(weak) * low * low;
+        let holds = |share: f64| -> Result<bool> {
+            let mut candidate = weak.candidate.clone();
+            candidate.at[0] *= share;
+            Ok(self.square(&self.signature(candidate)?) > 0.25 * promised)
+        };
+        if low >= high || holds(low)? {
+            return Ok(weak.candidate.at[0] * share);
+        }
+        for _ in 0..ONSET_STEPS {
+            let middle = (low * high).sqrt();
+            if holds(middle)? { high = middle } else { low = middle }
+        }
+        Ok(weak.candidate.at[0] * high)
+    }
+
+    /// The value of an effect's amplitude at which it is absent.
+    pub(in crate::diagnose) fn neutral_of(&self, name: &str) -> Option<f64> {
+        let own = self.signatures.iter().find(|s| s.candidate.effect.name == name)?;
+        Some(own.candidate.knobs[0].value(0.0))
+    }
+
+    /// How alike two effects show at best, as the size of a cosine.
+    pub(in crate::diagnose) fn cosine_of(&self, name: &str, other: &str) -> f64 {
+        let of = |name: &str| -> Vec<&Signature> {
+            self.signatures.iter().filter(|s| s.candidate.effect.name == name).collect()
+        };
+        let cosine = |a: &Signature, b: &Signature| {
+            let squares = [self.square(a), self.square(b)];
+            if squares.iter().any(|s| *s < 25.0) {
+                return 0.0;
+            }
+            (self.product(a, b) / (squares[0] * squares[1]).sqrt()).abs()
+        };
+        let (own, other) = (of(name), of(other));
+        own.iter().flat_map(|a| other.iter().map(|b| cosine(a, b))).fold(0.0, f64::max)
+    }
+
+    fn square(&self, s: &Signature) -> f64 {
+        self.metric.dual(&s.each[0]).dot(&s.each[1])
+    }
+
+    fn product(&self, a: &Signature, b: &Signature) -> f64 {
+        0.5 * (self.metric.dual(&a.each[0]).dot(&b.each[1]) + self.metric.dual(&a.each[1]).dot(&b.each[0]))
+    }
+}

@@ -1,0 +1,48 @@
+//! Clean sensors whose calibrated numbers are off as a calibration leaves them.
+
+use std::sync::atomic::AtomicUsize;
+
+use super::metric::Metric;
+use super::watched::count;
+use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::sensors::model::Model;
+use crate::diagnose::sensors::simulate;
+use spikelane::unstable::draws::pattern::Pattern;
+use spikelane::unstable::draws::{Seeds, Stream};
+use spikelane::error::Result;
+use spikelane::unstable::threads;
+use nalgebra::{DMatrix, DVector};
+
+/// Simulations with the fitted numbers redrawn from their posterior.
+pub(super) const REDRAWN: usize = 120;
+
+pub(in crate::diagnose) struct Redrawn {
+    pub base: DVector<f64>,
+    pub lamps: DVector<f64>,
+    pub vector: DVector<f64>,
+}
+
+/// Clean sensors whose fitted numbers come from the posterior and whose lamps are off.
+pub(in crate::diagnose) fn redraw(
+    setup: &Setup,
+    model: &Model,
+    seed: u64,
+    rough: &Metric,
+    done: &AtomicUsize,
+) -> Result<Vec<Redrawn>> {
+    let n = model.knobs.len();
+    let root = rough.covariance().cholesky().map_or_else(|| DMatrix::zeros(n, n), |c| c.l());
+    let one = |i: usize| -> Result<Redrawn> {
+        let own = seed + 10_000 + i as u64;
+        let mut normals =
+            Pattern::new(Seeds { camera: own, shot: 0, sequence: 0 }, Stream::named("diagnose")).normals();
+        let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
+        let base = &root * draw(n);
+        let lamps = draw(model.lamps.len()) * model.lamp;
+        let sample = model.sample(base.as_slice(), lamps.as_slice(), setup.scenes.len())?;
+        let vector = DVector::from_vec(simulate::values(setup, &sample, own)?);
+        count(done);
+        Ok(Redrawn { base, lamps, vector })
+    };
+    threads::try_map(0..REDRAWN, one)
+}

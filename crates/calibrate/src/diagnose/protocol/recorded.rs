@@ -1,0 +1,88 @@
+//! One recording of a set: its light and what can be looked at in it.
+
+use super::still::Still;
+use crate::{Light, Pattern};
+use crate::diagnose::recording::scan::Look;
+use crate::diagnose::recording::stretches::STEADY;
+
+/// Rates up to this have all intervals looked at.
+const DIM: f64 = 0.25;
+
+/// Shortest half period after whose edges a response can be seen, in readouts.
+const SHORTEST: usize = STEADY + 40;
+
+/// One recording: what stood in front of the camera, and when.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// Its file.
+    pub name: String,
+    /// The light.
+    pub light: Light,
+    /// Readouts.
+    pub readouts: usize,
+    /// Readouts of the same recording that came before.
+    pub skip: usize,
+    /// What is known of an unknown scene.
+    pub still: Option<Still>,
+}
+
+impl Scene {
+    /// The last part of its file's path.
+    pub(in crate::diagnose) fn file_name(&self) -> String {
+        let last = std::path::Path::new(&self.name).file_name();
+        last.map_or_else(|| self.name.clone(), |name| name.to_string_lossy().into_owned())
+    }
+
+    /// The uniform level, if it is one.
+    #[must_use]
+    pub fn level(&self) -> Option<f64> {
+        self.light.level()
+    }
+
+    /// Whether the light stays the same over time.
+    #[must_use]
+    pub fn constant(&self) -> bool {
+        !matches!(self.light, Light::Scene(Pattern::Square { .. }))
+    }
+
+    /// Mean light.
+    #[must_use]
+    pub fn brightness(&self) -> f64 {
+        match self.light {
+            Light::Level(level) => level,
+            Light::Scene(Pattern::Square { high, low, .. } | Pattern::Checkerboard { high, low, .. }) => {
+                0.5 * (high + low)
+            }
+            Light::Scene(Pattern::StaticUnknown {}) => self.still.as_ref().map_or(0.0, |s| s.mean),
+        }
+    }
+
+    /// The brightest light.
+    pub(in crate::diagnose) fn greatest(&self) -> f64 {
+        match self.light {
+            Light::Scene(Pattern::Square { high, low, .. } | Pattern::Checkerboard { high, low, .. }) => {
+                high.max(low)
+            }
+            _ => self.still.as_ref().map_or(self.brightness(), |s| s.brightest),
+        }
+    }
+
+    /// Whether the halves of rows are compared: where spikes are many and the light rests.
+    pub(in crate::diagnose) fn rows(&self) -> bool {
+        self.constant() && self.still.is_none() && self.brightness() >= 0.09
+    }
+
+    pub(in crate::diagnose) fn dim(&self) -> bool {
+        self.constant() && self.brightness() < DIM
+    }
+
+    /// A square wave's half period in readouts, where the light rests long enough after an edge.
+    pub(in crate::diagnose) fn half_period(&self) -> Option<usize> {
+        let Light::Scene(Pattern::Square { half_period, .. }) = self.light else { return None };
+        Some(half_period as usize).filter(|h| *h >= SHORTEST)
+    }
+
+    pub(in crate::diagnose) fn look(&self) -> Look {
+        Look { dim: self.dim(), rows: self.rows(), half_period: self.half_period() }
+    }
+}

@@ -1,0 +1,154 @@
+//! What a set holds, free of files, as it is read.
+
+use super::extent::{Extent, Part, cut};
+use super::recorded::Scene;
+use super::still::Still;
+use crate::{Light, Pattern, Recording, RecordingSet};
+use spikelane::error::{Error, Kind, Result};
+use spikelane::unstable::inputs;
+use spikelane::spikes::Geometry;
+
+/// Fewest readouts of a recording that can be judged.
+const FEWEST: usize = 256;
+
+/// Most pixels of a still scene that are simulated: some 20,000 tell temporal noise to a per cent.
+pub(crate) const LARGEST: usize = 20_000;
+
+/// Relative standard deviation of a level of light of which nothing else is stated or found.
+pub(in crate::diagnose) const LAMP: f64 = 1e-3;
+
+fn too_short(file: &str, readouts: usize, part: Part) -> Error {
+    let (expected, remedy) = match part {
+        Part::Whole => ("", "record longer"),
+        _ => (
+            " in each half of a recording",
+            "record longer, or give a second set with --holdout so that this one is not split",
+        ),
+    };
+    Error::new(Kind::Input, file)
+        .found(format_args!("{readouts} readouts"))
+        .expected(format_args!("{FEWEST} or more{expected}"))
+        .remedy(remedy)
+}
+
+/// All recordings of a set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// Width and height.
+    pub geometry: Geometry,
+    /// Readouts per second.
+    pub readout_hz: f64,
+    /// The recordings.
+    pub scenes: Vec<Scene>,
+    /// Whether rate maps stand in place of recordings.
+    pub maps: bool,
+    /// First row and rows that are looked at, where a still scene is larger than 20,000 pixels.
+    pub band: Option<(usize, usize)>,
+    /// Fewest and most readouts that are judged of the recordings that have more.
+    pub first_readouts: Option<[usize; 2]>,
+    /// Relative standard deviation of a level of light.
+    pub lamp: f64,
+}
+
+impl Setup {
+    /// What `set` holds, or a part of it; cuts lie on whole periods of a square wave.
+    ///
+    /// # Errors
+    /// When a file cannot be read, or a recording is too short to judge.
+    pub fn of(set: &RecordingSet, part: Part, extent: Extent) -> Result<Self> {
+        Self::behind(set, part, extent, &[])
+    }
+
+    /// The same without the first readouts of each recording, as many as `aside` says; none of those that it does not reach.
+    ///
+    /// # Errors
+    /// As [`Setup::of`].
+    pub(in crate::diagnose) fn behind(
+        set: &RecordingSet,
+        part: Part,
+        extent: Extent,
+        aside: &[usize],
+    ) -> Result<Self> {
+        let geometry = set.geometry()?;
+        let (mut scenes, mut first_readouts) = (Vec::new(), None::<[usize; 2]>);
+        for (k, recording) in set.recordings.iter().enumerate() {
+            let aside = aside.get(k).copied().unwrap_or(0);
+            let reader = set.reader(recording)?;
+            let most = extent.most(geometry, recording.light);
+            // Both parts of a recording that is cut in the middle have as many.
+            let all = if part == Part::Whole { most } else { most.saturating_mul(2) };
+            if reader.readouts() > all {
+                let [fewest, longest] = first_readouts.unwrap_or([all; 2]);
+                first_readouts = Some([fewest.min(all), longest.max(all)]);
+            }
+            let (skip, readouts) = cut(reader.readouts().min(all), recording.light, part, aside);
+            if readouts < FEWEST {
+                return Err(too_short(&recording.file, readouts, part));
+            }
+            let still = match recording.light {
+                Light::Scene(Pattern::StaticUnknown {}) => Some(Still::of(&reader)?),
+                _ => None,
+            };
+            let name = recording.file.clone();
+            scenes.push(Scene { name, light: recording.light, readouts, skip, still });
+        }
+        let maps = scenes.is_empty() && set.rate_maps.len() >= 2;
+        let readout_hz = set.readout_hz;
+        let setup = Self { geometry, readout_hz, scenes, maps, band: None, first_readouts, lamp: LAMP };
+        setup.cut_to_band()
+    }
+
+    /// Without some of its recordings.
+    pub(in crate::diagnose) fn without(mut self, dropped: &[usize]) -> Self {
+        let mut k = 0;
+        self.scenes.retain(|_| {
+            k += 1;
+            !dropped.contains(&(k - 1))
+        });
+        self
+    }
+
+    /// Whether still scenes are all that there is.
+    pub(in crate::diagnose) fn only_still(&self) -> bool {
+        !self.scenes.is_empty() && self.scenes.iter().all(|s| s.still.is_some())
+    }
+
+    /// A large still scene cut to the rows that hold most of its even surface.
+    fn cut_to_band(mut self) -> Result<Self> {
+        let (width, height) = (self.geometry.width(), self.geometry.height());
+        // Rows in eights begin on whole bytes.
+        let rows = (LARGEST / width / 8 * 8).max(8);
+        let Some(still) = self.scenes.iter().find_map(|s| s.still.as_ref()) else { return Ok(self) };
+        if height <= rows {
+            return Ok(self);
+        }
+        let starts = (0..=height - rows).step_by(8);
+        let first = starts.max_by_key(|r| still.even_in(r * width..(r + rows) * width)).unwrap_or(0);
+        self.geometry = Geometry::new(width as u32, rows as u32)?;
+        self.band = Some((first, rows));
+        for still in self.scenes.iter_mut().filter_map(|s| s.still.as_mut()) {
+            still.cut(first * width..(first + rows) * width);
+        }
+        Ok(self)
+    }
+
+    /// The bits of a recording, as far as they are looked at.
+    pub(in crate::diagnose) fn read(&self, set: &RecordingSet, k: usize) -> Result<Vec<u8>> {
+        self.part(set, &set.recordings[k], &self.scenes[k])
+    }
+
+    pub(in crate::diagnose) fn part(
+        &self,
+        set: &RecordingSet,
+        recording: &Recording,
+        scene: &Scene,
+    ) -> Result<Vec<u8>> {
+        let reader = set.reader(recording)?;
+        let whole = reader.geometry().frame_bytes();
+        let mut bytes = inputs::zeroed(reader.name(), scene.readouts * whole)?;
+        reader.read_frames(scene.skip, &mut bytes)?;
+        let Some((first, _)) = self.band else { return Ok(bytes) };
+        let (from, own) = (first * self.geometry.width() / 8, self.geometry.frame_bytes());
+        Ok(bytes.chunks_exact(whole).flat_map(|f| &f[from..from + own]).copied().collect())
+    }
+}

@@ -1,0 +1,104 @@
+//! A model judged by the sets at hand.
+
+use nalgebra::DVector;
+
+use super::alarm::alarm;
+use crate::diagnose::events::located::Events;
+use crate::diagnose::fit::by_itself::Own;
+use crate::diagnose::fit::fit::Fit;
+use crate::diagnose::fit::fitter::Fitter;
+use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::signature::Signature;
+use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::search::round::Step;
+use spikelane::error::Result;
+
+/// The set that judges: another take, or the second half of the first one, which the model must be
+/// simulated up to.
+pub(in crate::diagnose) struct Judge<'a> {
+    pub data: &'a DVector<f64>,
+    /// The protocol, where it is not that of the fitted set.
+    pub setup: Option<&'a Setup>,
+    /// Whether it is other data than what was fitted.
+    pub held_out: bool,
+}
+
+impl Judge<'_> {
+    /// What `fit` promises of this set.
+    fn mean(&self, reference: &Reference, fit: &Fit) -> Result<DVector<f64>> {
+        match self.setup {
+            Some(setup) => reference.mean_under(setup, &fit.judging(), &fit.u),
+            None if fit.model.pinned.is_any() => {
+                Ok(reference.mean_of(&fit.judging(), &fit.u, fit.each.len(), Vec::new())?.mean)
+            }
+            None => Ok(fit.mean.clone()),
+        }
+    }
+
+    fn off(&self, reference: &Reference, fit: &Fit) -> Result<DVector<f64>> {
+        Ok(self.data - self.mean(reference, fit)?)
+    }
+}
+
+/// What a search goes by.
+pub(in crate::diagnose) struct Case<'a> {
+    /// The base model and the set that is fitted.
+    pub fitter: Fitter<'a>,
+    pub signatures: &'a [Signature],
+    pub judge: &'a Judge<'a>,
+    /// Lost and repeated readouts of both sets.
+    pub located: &'a Events,
+}
+
+/// A fitted model, what its own sensors show, and what the data have beyond that.
+pub(in crate::diagnose) struct Judged {
+    pub fit: Fit,
+    pub own: Own,
+    /// What the held-out set is off.
+    pub off: DVector<f64>,
+    /// Whether anything is above its limit in either set, and in the fitted one.
+    pub left: bool,
+    pub left_fitted: bool,
+}
+
+impl Judged {
+    /// How unlikely the held-out set is.
+    pub(crate) fn deviance(&self) -> f64 {
+        self.fit.deviance_of(&self.off)
+    }
+}
+
+impl Case<'_> {
+    pub(crate) fn base(&self) -> Result<Judged> {
+        let Fitter { reference, data } = self.fitter;
+        let (fit, own) = (Fit::base(reference, data, self.located.clone()), Own::of_base(reference));
+        let left = self.alarm(&fit, &own, &(data - &own.mean));
+        Ok(Judged { off: self.judge.off(reference, &fit)?, fit, own, left, left_fitted: left })
+    }
+
+    pub(crate) fn judged(&self, fit: Fit, own: Own) -> Result<Judged> {
+        let off = self.judge.off(self.fitter.reference, &fit)?;
+        let left_fitted = self.alarm(&fit, &own, &(self.fitter.data - &own.mean));
+        let left = left_fitted || self.alarm(&fit, &own, &off);
+        Ok(Judged { fit, own, off, left, left_fitted })
+    }
+
+    /// How unlikely the held-out set is under a fit that was not judged yet.
+    pub(crate) fn deviance(&self, fit: &Fit) -> Result<f64> {
+        Ok(fit.deviance_of(&self.judge.off(self.fitter.reference, fit)?))
+    }
+
+    /// Squared distance of the fitted and of the held-out set, with what calibration fits taken out.
+    pub(crate) fn gaps(&self, at: &Judged) -> [f64; 2] {
+        [at.fit.misfit, self.fitter.reference.metric.square(&at.off)]
+    }
+
+    /// What a step from one model to another did to them.
+    pub(crate) fn step(&self, before: &Judged, after: &Judged) -> Step {
+        Step { before: self.gaps(before), after: self.gaps(after) }
+    }
+
+    fn alarm(&self, fit: &Fit, own: &Own, off: &DVector<f64>) -> bool {
+        alarm(fit, own, off, self.signatures)
+    }
+}

@@ -1,0 +1,126 @@
+//! What happened in the loop, round by round.
+
+use nalgebra::DVector;
+
+use serde::Serialize;
+
+/// What became of a name that won a round.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Fate {
+    /// It is part of the model.
+    Kept,
+    /// Recordings that were not fitted did not come nearer.
+    TurnedDown,
+    /// Once later names were known, the data did without it.
+    Dropped,
+}
+
+/// A candidate that was fitted beside the winner.
+#[derive(Clone, Debug)]
+pub(in crate::diagnose) struct Entrant {
+    pub name: &'static str,
+    pub misfit: f64,
+    /// Whether its lead or lag is within noise.
+    pub tied: bool,
+    /// Deviations by which a set tells its fitted model from the winner's.
+    pub apart: f64,
+    /// Its fitted mean.
+    pub mean: DVector<f64>,
+}
+
+/// What a step from one model to another did to the fitted and to the held-out set: their squared distances, with what
+/// calibration fits taken out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Step {
+    pub(in crate::diagnose) before: [f64; 2],
+    pub(in crate::diagnose) after: [f64; 2],
+}
+
+impl Step {
+    /// The step as a study records it.
+    pub(in crate::diagnose) fn words(&self) -> String {
+        let [[train, heldout], [train_after, heldout_after]] = [self.before, self.after];
+        format!(
+            "the misfit goes from {train:.0} to {train_after:.0} ({heldout:.0} held out: {heldout_after:.0})"
+        )
+    }
+
+    /// As far as it speaks for the name. A name whose sensors differ more among themselves makes recordings likelier without
+    /// bringing the model nearer, and its squared distance may grow.
+    pub(in crate::diagnose) fn nearer(&self, floor: f64) -> String {
+        let [from, to] = [self.before[1], self.after[1]].map(f64::round);
+        // Where nothing was held out, both are of the same recordings.
+        let held_out = self.before[0] != self.before[1] || self.after[0] != self.after[1];
+        if to < from {
+            let gap = if held_out { "held-out gap" } else { "gap" };
+            format!("the {gap} falls from {from:.0} to {to:.0}, where its floor is {floor:.0}")
+        } else {
+            let recordings = if held_out { "held-out recordings" } else { "recordings" };
+            format!("{recordings} become likelier, as sensors with it differ more")
+        }
+    }
+}
+
+/// One round of the loop.
+#[derive(Clone, Debug)]
+pub(in crate::diagnose) struct Round {
+    pub winner: &'static str,
+    pub entrants: Vec<Entrant>,
+    pub fate: Fate,
+    /// Share of the excess that the winner's signature explains.
+    pub share: f64,
+    /// The winner's fitted mean.
+    pub mean: DVector<f64>,
+    /// Whether the winner is weaker than what the set can name.
+    pub faint: bool,
+    /// What speaks for the winner, in words; nothing where it was turned down.
+    pub evidence: String,
+    /// The step of which that tells.
+    pub step: Option<Step>,
+}
+
+impl Round {
+    pub(in crate::diagnose) fn is_kept(&self) -> bool {
+        self.fate == Fate::Kept
+    }
+
+    /// Notes the names that are as likely, of `rivals` in the order of their prices.
+    pub(in crate::diagnose) fn ties_with(&mut self, rivals: Vec<Entrant>) {
+        for rival in rivals.into_iter().rev().filter(|r| r.tied) {
+            self.entrants.retain(|e| e.name != rival.name);
+            self.entrants.insert(0, rival);
+        }
+    }
+}
+
+/// The round that `name` was kept in.
+pub(in crate::diagnose) fn kept<'a>(rounds: &'a [Round], name: &str) -> Option<&'a Round> {
+    rounds.iter().find(|r| r.is_kept() && r.winner == name)
+}
+
+/// The same, to be changed.
+pub(in crate::diagnose) fn kept_mut<'a>(rounds: &'a mut [Round], name: &str) -> Option<&'a mut Round> {
+    rounds.iter_mut().find(|r| r.is_kept() && r.winner == name)
+}
+
+/// The names beside the winner that are as likely, two at most.
+pub(in crate::diagnose) fn tied(round: &Round) -> Vec<&Entrant> {
+    round.entrants.iter().filter(|e| e.tied && e.name != round.winner).take(2).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gap_that_grows_is_no_evidence() {
+        let fell = Step { before: [900.0, 950.0], after: [210.0, 200.0] };
+        assert_eq!(fell.words(), "the misfit goes from 900 to 210 (950 held out: 200)");
+        assert_eq!(fell.nearer(190.0), "the held-out gap falls from 950 to 200, where its floor is 190");
+        let alone = Step { before: [45.0, 45.0], after: [14.0, 14.0] };
+        assert_eq!(alone.nearer(11.0), "the gap falls from 45 to 14, where its floor is 11");
+        let grew = Step { before: [2403.0, 2400.0], after: [4702.0, 4600.0] }.nearer(900.0);
+        assert!(!grew.contains("4702") && !grew.contains("4600"), "{grew}");
+    }
+}

@@ -1,0 +1,165 @@
+//! The loop: is anything left, what explains it best, does it hold on other recordings.
+
+use nalgebra::DVector;
+
+use super::context::{Case, Judged};
+use super::round::Fate;
+use super::round::Round;
+use super::weed::REMAINDER;
+use crate::diagnose::fit::by_itself::Own;
+use crate::diagnose::fit::fit::Fit;
+use crate::diagnose::null::signature::Signature;
+use crate::diagnose::null::watched::Progress;
+use spikelane::error::Result;
+
+/// Most effects that are added.
+const ROUNDS: usize = 4;
+
+/// Shares of a diagnosis that are done where a search begins, and where it looks at its names again.
+const BEGIN: f64 = 0.8;
+const AGAIN: f64 = 0.9;
+
+/// Most names that the held-out set may turn down.
+const VETOES: usize = 2;
+
+/// Fall of the held-out deviance below which a name is not kept: three deviations of one number.
+const BETTER: f64 = 9.0;
+
+/// Share of the excess below which the best name explains too little for another one to be tried:
+/// of three effects of equal strength the first explains a third.
+const LIKENESS: f64 = 0.2;
+
+/// Share of the held-out deviance below which a further effect leaves so little that no such remainder is asked of it, as where it
+/// leaves nothing: what a signature leaves has many shapes, of which another effect has some. `comparator_noise` beside strong
+/// `adaptation` left 278 of 3,637, which the noise of that model explains, where the remainder was 3,998.
+const SWEEPING: f64 = 0.1;
+
+/// The search's end.
+pub(in crate::diagnose) struct Found {
+    pub fit: Fit,
+    pub rounds: Vec<Round>,
+    /// Gap on both sets after each accepted effect, the first without any, and what was done before.
+    pub train: Vec<f64>,
+    pub heldout: Vec<f64>,
+    pub steps: Vec<String>,
+    pub own: Own,
+    /// What the held-out set is off.
+    pub off: DVector<f64>,
+    /// Whether anything is left above its limit.
+    pub left: bool,
+}
+
+impl Case<'_> {
+    /// `next`, which has one effect more, where the held-out set bears it out.
+    fn accepted(&self, before: &Judged, mut next: Fit) -> Result<Option<Judged>> {
+        let evidence = Evidence {
+            before: before.deviance(),
+            after: self.deviance(&next)?,
+            whole: before.fit.length_of(&(self.judge.data - &self.fitter.reference.mean)),
+            others: before.fit.effects.len(),
+        };
+        // What was fitted is also made likelier by a model that strays more, of which it need not come nearer.
+        if evidence.beyond() <= 0.0 || !(self.judge.held_out || next.misfit < before.fit.misfit) {
+            return Ok(None);
+        }
+        let own = self.fitter.converged(&mut next)?;
+        let next = self.judged(next, own)?;
+        Ok(evidence.suffices(next.left_fitted).then_some(next))
+    }
+}
+
+/// What the held-out set says of a further effect.
+struct Evidence {
+    /// Its deviance without the effect and with it.
+    before: f64,
+    after: f64,
+    /// Its squared distance from the base model.
+    whole: f64,
+    /// Effects that are there already.
+    others: usize,
+}
+
+impl Evidence {
+    /// By how much the deviance falls further than by chance and by what any name takes.
+    fn beyond(&self) -> f64 {
+        let share = 0.02 * self.before.clamp(0.0, 1e4) / (1.0 + self.others as f64);
+        self.before - self.after - BETTER - share
+    }
+
+    /// Whether that is more than a remainder of what is there already; `left` tells whether anything is left of the fitted set. The
+    /// other one may show more: `supply_droop` beside `adaptation` took its deviance from 5,741 to 1,152, left nothing of the fitted
+    /// set, and one statistic at 6.5 deviations there.
+    fn suffices(&self, left: bool) -> bool {
+        self.beyond() > REMAINDER * self.whole || self.after < SWEEPING * self.before || !left
+    }
+}
+
+pub(in crate::diagnose) fn search(case: &Case<'_>, progress: Progress<'_>) -> Result<Found> {
+    let mut at = case.base()?;
+    let (mut train, mut heldout, mut steps) = (Vec::new(), Vec::new(), Vec::new());
+    let mut gap = |step: String, at: &Judged| {
+        let [fitted, held_out] = case.gaps(at);
+        train.push(fitted);
+        heldout.push(held_out);
+        steps.push(step);
+    };
+    gap("nothing added".to_owned(), &at);
+    let mut rounds: Vec<Round> = Vec::new();
+    let mut turned_down: Vec<&'static str> = Vec::new();
+    while at.left && at.fit.effects.len() < ROUNDS && turned_down.len() < VETOES {
+        let rounds_begun = at.fit.effects.len() + turned_down.len();
+        let tried = BEGIN + (AGAIN - BEGIN) * (rounds_begun as f64 / ROUNDS as f64).min(1.0);
+        progress("tournament", tried);
+        let open: Vec<&Signature> =
+            case.signatures.iter().filter(|s| !turned_down.contains(&s.candidate.effect.name)).collect();
+        let Some((next, round)) = case.tournament(&at.fit, &at.own, &open)? else { break };
+        progress(round.winner, tried);
+        let next = case.accepted(&at, next)?;
+        let Some(next) = next else {
+            turned_down.push(round.winner);
+            rounds.push(round);
+            continue;
+        };
+        gap(format!("with {}", round.winner), &next);
+        let share = round.share;
+        let step = case.step(&at, &next);
+        rounds.push(Round { fate: Fate::Kept, evidence: step.words(), step: Some(step), ..round });
+        at = next;
+        if share < LIKENESS {
+            // What is there is something else; more names would be more likenesses.
+            break;
+        }
+    }
+    if at.fit.effects.len() > 1 {
+        let kept = at.fit.effects.clone();
+        progress("looking again", AGAIN);
+        case.weed(&mut at, &mut rounds)?;
+        if at.fit.effects != kept {
+            gap("after removal and swaps".to_owned(), &at);
+        }
+    }
+    let Judged { fit, own, off, left, .. } = at;
+    Ok(Found { fit, rounds, train, heldout, steps, own, off, left })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_remainder_is_asked_of_a_name_that_leaves_much() {
+        // Adaptation and noise of the comparator, adaptation and what takes a part, a clamp and a dark tail.
+        let beside = |whole, before, after| Evidence { before, after, whole, others: 1 };
+        assert!(beside(1.33e7, 3637.0, 278.0).suffices(true), "a thirteenth is left");
+        assert!(!beside(1.33e7, 3637.0, 804.0).suffices(true), "a quarter is left");
+        assert!(beside(1.33e7, 629.0, 380.0).suffices(false), "nothing is left beyond the noise");
+        assert!(beside(1.33e7, 9000.0, 4000.0).suffices(true), "more than the remainder");
+    }
+
+    #[test]
+    fn chance_is_no_evidence() {
+        let alone = |before, after| Evidence { before, after, whole: 0.0, others: 0 };
+        assert!(alone(200.0, 188.0).beyond() <= 0.0);
+        assert!(alone(200.0, 185.0).beyond() > 0.0);
+    }
+}

@@ -1,0 +1,207 @@
+//! One round of the loop: the candidates that promise most are fitted, and the most likely one wins.
+
+use super::context::Case;
+use super::round::Fate;
+use super::round::{Entrant, Round};
+use crate::diagnose::fit::by_itself::Own;
+use crate::diagnose::fit::draws::MOST_SIMULATIONS;
+use crate::diagnose::fit::fit::Fit;
+use crate::diagnose::fit::fitter::Fitter;
+use crate::diagnose::fit::price::Priced;
+use crate::diagnose::fit::unlocated::allowing;
+use crate::diagnose::null::metric::Metric;
+use crate::diagnose::null::signature::Signature;
+use crate::diagnose::null::signature::reach;
+use spikelane::error::Result;
+use spikelane::unstable::threads;
+use nalgebra::DVector;
+
+/// Furthest that a signature is stretched: beyond, another one of the same effect is nearer.
+const FURTHEST: f64 = 8.0;
+
+/// Candidates of a tournament, and of its second leg.
+const TOURNAMENT: usize = 5;
+const FINAL: usize = 3;
+
+/// Gauss-Newton rounds of its two legs, as long as they gain: an effect with three numbers needs as many to come near.
+const ROUNDS_ALONE: [usize; 2] = [4, 3];
+
+/// The same beside other effects, whose numbers move as well: at half the way an effect loses to a likeness.
+pub(in crate::diagnose) const ROUNDS_BESIDE: [usize; 2] = [7, 5];
+
+/// What few draws may add to a cost.
+pub(in crate::diagnose) const NEAR: f64 = 40.0;
+
+/// Share of the best promise from which on a candidate is tried: a weak switching current whose shape is not the one that is
+/// tried promised 0.4 of what false spikes did, and was it.
+const PROMISING: f64 = 0.35;
+
+/// What the best candidate must promise: four and a half deviations. That something is there is known by then, and the
+/// held-out set judges what it is.
+const ENTERING: f64 = 20.0;
+
+/// Deviation of a price from which on more simulations are made of the front: of the four that any two models may differ by, half.
+const UNSURE: f64 = 2.0;
+
+impl Case<'_> {
+    /// The best candidate for what is left, fitted together with everything accepted before.
+    pub(in crate::diagnose) fn tournament(
+        &self,
+        fit: &Fit,
+        own: &Own,
+        signatures: &[&Signature],
+    ) -> Result<Option<(Fit, Round)>> {
+        let Fitter { reference, data } = self.fitter;
+        let starts = self.starts(fit, &own.metric, signatures)?;
+        if starts.is_empty() {
+            return Ok(None);
+        }
+        let [few, some] = fit.draws();
+        let rounds = if fit.effects.is_empty() { ROUNDS_ALONE } else { ROUNDS_BESIDE };
+        // Which start is nearer shows at the end: where base numbers took in what is added now, that place costs less at first.
+        let enter = |(_, from): &(&str, Vec<Fit>)| {
+            let refined = threads::try_map(from, |f| self.fitter.refined(f.clone(), rounds[0], few))?;
+            Ok(refined.into_iter().min_by(cheaper))
+        };
+        let fits: Vec<Option<Priced>> = threads::try_map(&starts, enter)?;
+        let mut fits: Vec<Priced> = fits.into_iter().flatten().collect();
+        fits.sort_by(cheaper);
+        // Near the front, once more and with less noise.
+        let front = fits[0].price + 0.15 * (fit.price() - fits[0].price).max(0.0) + NEAR;
+        let near = fits.iter().take(FINAL).take_while(|f| f.price < front).count();
+        let far = fits.split_off(near);
+        let again = threads::try_map(fits, |f| self.fitter.refined(f.fit, rounds[1], some))?;
+        let mut fits = self.finish(again)?;
+        let Priced { fit: best, .. } = fits[0].clone();
+        fits.extend(far);
+        let entrants = fits.iter().map(|f| self.entrant(&fits[0], f)).collect();
+        let before = allowing(reference, &fit.events)?.square(&(data - &fit.mean));
+        let after = allowing(reference, &best.events)?.square(&(data - &best.mean));
+        let share = ((before - after) / (before - own.allowed_floor).max(1.0)).clamp(0.0, 1.0);
+        let round = Round {
+            winner: last(&best),
+            entrants,
+            fate: Fate::TurnedDown,
+            share,
+            mean: best.mean.clone(),
+            faint: false,
+            evidence: String::new(),
+            step: None,
+        };
+        Ok(Some((best, round)))
+    }
+
+    /// The front in its order; where draws decide on it, more of them are made.
+    fn finish(&self, mut front: Vec<Priced>) -> Result<Vec<Priced>> {
+        front.sort_by(cheaper);
+        let unsure = |f: &Priced| self.entrant(&front[0], f).tied && drawn(&front[0], f) > UNSURE;
+        let mut open: Vec<bool> = front.iter().map(unsure).collect();
+        open[0] = open[1..].contains(&true);
+        let more = |(f, open): (Priced, bool)| {
+            if !open {
+                return Ok(f);
+            }
+            let mut fit = f.fit;
+            self.fitter.evaluate(&mut fit, MOST_SIMULATIONS)?;
+            Ok(self.fitter.priced(fit))
+        };
+        let both: Vec<_> = front.into_iter().zip(open).collect();
+        let mut front = threads::try_map(both, more)?;
+        front.sort_by(cheaper);
+        Ok(front)
+    }
+
+    /// How a fit of which the last name is new stands beside the best one.
+    pub(in crate::diagnose) fn entrant(&self, best: &Priced, f: &Priced) -> Entrant {
+        // Twice the distance of two models is the deviation of the difference of their costs.
+        let apart = best.apart(f, &self.fitter.reference.metric);
+        let tied = f.price - best.price < 4.0 + 2.0 * apart.min(12.0) + drawn(best, f);
+        Entrant { name: last(&f.fit), misfit: f.fit.misfit, tied, apart, mean: f.fit.mean.clone() }
+    }
+
+    /// The candidates that promise most, each with one or two places to begin: the base model's numbers as fitted before, or
+    /// as calibrated. They may have moved to take in what a candidate explains, which then promises little from there.
+    fn starts(
+        &self,
+        fit: &Fit,
+        metric: &Metric,
+        signatures: &[&Signature],
+    ) -> Result<Vec<(&'static str, Vec<Fit>)>> {
+        let of = |fit: &Fit| -> Vec<(&'static str, Fit)> {
+            let entrants = entrants(fit, metric, &(self.fitter.data - &fit.mean), signatures);
+            entrants
+                .into_iter()
+                .map(|(scale, s)| (s.candidate.effect.name, fit.with(&s.candidate, scale)))
+                .collect()
+        };
+        let mut starts: Vec<(&'static str, Vec<Fit>)> =
+            of(fit).into_iter().map(|(name, fit)| (name, vec![fit])).collect();
+        for s in signatures.iter().filter(|s| fit.lacks(s) && fit.located.demand(s.candidate.effect)) {
+            if starts.iter().all(|start| start.0 != s.candidate.effect.name) {
+                starts.push((s.candidate.effect.name, vec![fit.with(&s.candidate, 1.0)]));
+            }
+        }
+        if fit.effects.is_empty() {
+            return Ok(starts);
+        }
+        let mut calibrated = fit.with_calibrated_base();
+        self.fitter.evaluate(&mut calibrated, fit.draws()[0])?;
+        for (place, (name, fit)) in of(&calibrated).into_iter().enumerate() {
+            match starts.iter_mut().find(|s| s.0 == name) {
+                Some(start) => start.1.push(fit),
+                None if place < 2 => starts.push((name, vec![fit])),
+                None => {}
+            }
+        }
+        Ok(starts)
+    }
+}
+
+/// The candidates that promise most, each name once with its best shape and scale.
+pub(in crate::diagnose) fn entrants<'a>(
+    fit: &Fit,
+    metric: &Metric,
+    off: &DVector<f64>,
+    signatures: &[&'a Signature],
+) -> Vec<(f64, &'a Signature)> {
+    let possible: Vec<_> = signatures.iter().filter(|s| fit.lacks(s) && fit.allows(s)).collect();
+    let mut ranked: Vec<(f64, f64, &Signature)> = threads::map(possible, |s| promise(metric, off, s));
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let best = ranked.first().map_or(0.0, |r| r.0);
+    let mut entrants: Vec<(f64, &Signature)> = Vec::new();
+    if best < ENTERING {
+        return entrants;
+    }
+    for (gain, scale, signature) in ranked {
+        let known = entrants.iter().any(|e| e.1.candidate.effect.name == signature.candidate.effect.name);
+        if gain > PROMISING * best && !known && entrants.len() < TOURNAMENT {
+            entrants.push((scale, signature));
+        }
+    }
+    entrants
+}
+
+pub(in crate::diagnose) fn cheaper(a: &Priced, b: &Priced) -> std::cmp::Ordering {
+    a.price.total_cmp(&b.price)
+}
+
+/// What the draws leave open of the difference of two prices.
+fn drawn(a: &Priced, b: &Priced) -> f64 {
+    a.deviation.hypot(b.deviation)
+}
+
+/// The effect that was added last.
+pub(in crate::diagnose) fn last(fit: &Fit) -> &'static str {
+    fit.effects.last().map_or("", |e| e.0.name)
+}
+
+/// How much of `off` a signature takes away at its best scale, within the effect's range.
+fn promise<'a>(metric: &Metric, off: &DVector<f64>, signature: &'a Signature) -> (f64, f64, &'a Signature) {
+    let dual = metric.dual(&signature.mean);
+    let (along, square) = (dual.dot(off), dual.dot(&signature.mean));
+    if square <= 0.0 || along <= 0.0 {
+        return (0.0, 0.0, signature);
+    }
+    let scale = (along / square).min(reach(signature)).min(FURTHEST);
+    (2.0 * scale * along - scale * scale * square, scale, signature)
+}

@@ -1,0 +1,57 @@
+//! Signatures of swinging light at the frequency that a set shows.
+
+use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::signature::Signature;
+use crate::diagnose::sensors::catalogue::Candidate;
+use crate::diagnose::statistics::measured::Measured;
+use crate::diagnose::statistics::readouts::{line, power, sharpened};
+use spikelane::effects::Definition;
+use spikelane::error::Result;
+
+/// Power over the mean from which on a line in the frame totals is worth a frequency.
+const LINE: f64 = 12.0;
+
+/// The signatures, with those of swinging light at the frequency that the frame totals show.
+pub(in crate::diagnose) fn with_line(reference: &Reference, measured: &Measured) -> Result<Vec<Signature>> {
+    let (setup, mut signatures) = (&reference.setup, reference.signatures.clone());
+    let mut best = (0.0, LINE);
+    let mut bright: Vec<&[u32]> = Vec::new();
+    for (scene, scan) in setup.scenes.iter().zip(&measured.scans) {
+        if scene.constant() && scene.brightness() >= 0.2 {
+            let found = line(&power(&scan.totals), scan.totals.len());
+            best = if found.1 > best.1 { found } else { best };
+            bright.push(&scan.totals);
+        }
+    }
+    if best.0 == 0.0 {
+        return Ok(signatures);
+    }
+    let frequency = sharpened(&bright, best.0);
+    // One at the line stands for those at the frequencies that a strength is judged by.
+    let mut kept: Vec<&Definition> = Vec::new();
+    signatures.retain(|s| {
+        let (effect, again) = (s.candidate.effect, kept.contains(&s.candidate.effect));
+        kept.push(effect);
+        line_of(effect).is_none() || !again
+    });
+    for signature in &mut signatures {
+        let Some(line) = line_of(signature.candidate.effect) else { continue };
+        let mut candidate: Candidate = signature.candidate.clone();
+        for (knob, at) in candidate.knobs.iter_mut().zip(&mut candidate.at) {
+            if knob.key == line {
+                knob.centre = frequency * setup.readout_hz;
+                // A third of the line's width: what the sharpened line leaves open.
+                let bin = 0.3 / (frequency * setup.scenes[0].readouts as f64);
+                knob.range = (knob.centre * (1.0 - bin), knob.centre * (1.0 + bin));
+                *at = 0.0;
+            }
+        }
+        *signature = reference.signature(candidate)?;
+    }
+    Ok(signatures)
+}
+
+/// The key of an effect's frequency, if it makes the light swing.
+fn line_of(effect: &Definition) -> Option<&'static str> {
+    effect.tried().find(|(_, tried)| tried.is_line).map(|(param, _)| param.key)
+}

@@ -1,0 +1,158 @@
+//! What a simulated vector depends on.
+
+use std::hash::{Hash as _, Hasher};
+
+use super::sample::Sample;
+use crate::diagnose::protocol::recorded::Scene;
+use crate::diagnose::protocol::recorded_set::Setup;
+
+/// Hashes all that moves the vector of `sample` under `setup` with the draws of `seed`, to the bit.
+pub(in crate::diagnose) fn hash(setup: &Setup, sample: &Sample, seed: u64, into: &mut impl Hasher) {
+    // Names move nothing, nor does what was left out of the recordings; how well lamps are known stands in the sample's lamps.
+    let Setup { geometry, readout_hz, scenes, maps, band: _, first_readouts: _, lamp: _ } = setup;
+    (geometry.width(), geometry.height(), readout_hz.to_bits(), maps, scenes.len(), seed).hash(into);
+    for Scene { name: _, light, readouts, skip, still } in scenes {
+        // Numbers are written with as many digits as tell them from every other one.
+        (format!("{light:?}"), readouts, skip, still.is_some()).hash(into);
+        if let Some(still) = still {
+            still.hash_exactly(into);
+        }
+    }
+    let Sample { camera, lamps, pinned, kept: _ } = sample;
+    camera.hash_exactly(into);
+    lamps.iter().for_each(|lamp| lamp.to_bits().hash(into));
+    (0..scenes.len()).for_each(|k| pinned.places(k).hash(into));
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+    use std::hash::DefaultHasher;
+    use std::sync::Arc;
+
+    use super::super::fixed::Pinned;
+    use super::super::simulate::values;
+    use super::*;
+    use crate::{Light, Pattern};
+    use crate::diagnose::events::located::Located;
+    use crate::diagnose::kept::folder::RESULTS_VERSION;
+    use spikelane::effects::{Catalogue, dead_time, dropped_readouts};
+    use spikelane::spikes::Geometry;
+
+    fn setup() -> Setup {
+        let scene = |light| Scene { name: "a.dat".to_owned(), light, readouts: 256, skip: 0, still: None };
+        let wave = Pattern::Square { high: 0.5, low: 0.1, half_period: 64 };
+        Setup {
+            geometry: Geometry::new(8, 8).unwrap(),
+            readout_hz: 20_000.0,
+            scenes: vec![scene(Light::Level(0.3)), scene(Light::Scene(wave))],
+            maps: false,
+            band: None,
+            first_readouts: None,
+            lamp: 1e-3,
+        }
+    }
+
+    fn sample() -> Sample {
+        let camera = spikelane::presets::builtin("scsim-code").unwrap();
+        Sample { camera, lamps: vec![1.0; 2], pinned: Pinned::default(), kept: None }
+    }
+
+    fn key(setup: &Setup, sample: &Sample, seed: u64) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        hash(setup, sample, seed, &mut hasher);
+        hasher.finish()
+    }
+
+    /// What one change makes of the key.
+    fn changed(change: impl FnOnce(&mut Setup, &mut Sample)) -> u64 {
+        let (mut setup, mut sample) = (setup(), sample());
+        change(&mut setup, &mut sample);
+        key(&setup, &sample, 3)
+    }
+
+    #[test]
+    fn every_last_bit_of_what_moves_a_vector_makes_another_key() {
+        let next = |v: &mut f64| *v = v.next_up();
+        let lost = |at: usize| {
+            let located = Arc::new(Located(vec![[Some(vec![at]), None]]));
+            Pinned::new(&located, [&dropped_readouts::EFFECT].into_iter())
+        };
+        let keys = [
+            changed(|_, _| {}),
+            key(&setup(), &sample(), 4),
+            changed(|setup, _| next(&mut setup.readout_hz)),
+            changed(|setup, _| setup.geometry = Geometry::new(4, 16).unwrap()),
+            changed(|setup, _| setup.maps = true),
+            changed(|setup, _| setup.scenes[0].readouts += 1),
+            changed(|setup, _| setup.scenes[1].skip += 1),
+            changed(|setup, _| setup.scenes[0].light = Light::Level(0.3_f64.next_up())),
+            changed(|setup, _| {
+                let wave = Pattern::Square { high: 0.5, low: 0.1_f64.next_up(), half_period: 64 };
+                setup.scenes[1].light = Light::Scene(wave);
+            }),
+            changed(|_, sample| next(&mut sample.lamps[0])),
+            changed(|_, sample| next(&mut sample.lamps[1])),
+            changed(|_, sample| next(&mut sample.camera.sensor.swing_v)),
+            changed(|_, sample| sample.camera.maps.gain = Some(vec![1.0; 64])),
+            changed(|_, sample| sample.camera.maps.gain = Some(vec![1.0_f64.next_down(); 64])),
+            changed(|_, sample| sample.camera.maps.dark_pa = Some(vec![1.0; 64])),
+            changed(|_, sample| {
+                let dead = sample.camera.effect(dead_time::EFFECT.name).unwrap().clone();
+                let lost = dead.get("lost_fraction").unwrap().next_up();
+                sample.camera = sample.camera.clone().with(dead.with("lost_fraction", lost).unwrap());
+            }),
+            changed(|_, sample| sample.camera = sample.camera.clone().without(dead_time::EFFECT.name)),
+            changed(|_, sample| sample.pinned = lost(7)),
+            changed(|_, sample| sample.pinned = lost(8)),
+        ];
+        assert_eq!(HashSet::from(keys).len(), keys.len());
+    }
+
+    /// The mean of the vectors of each effect at its typical strength, each entry with a weight of its own.
+    fn mean_of_results() -> f64 {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for maps in [false, true] {
+            for effect in Catalogue::new().all() {
+                let setup = Setup { maps, ..setup() };
+                let camera = sample().camera.with(effect.typical());
+                for (i, value) in
+                    values(&setup, &Sample { camera, ..sample() }, 3).unwrap().iter().enumerate()
+                {
+                    sum += value * (i % 101 + 1) as f64;
+                    count += 1.0;
+                }
+            }
+        }
+        sum / count
+    }
+
+    /// If this fails, simulations give other numbers: raise `RESULTS_VERSION`, and record the new mean with it.
+    #[test]
+    fn changed_results_have_another_version() {
+        let (recorded_version, recorded_mean) = (1, 2.374_734_856_690_362_8);
+        assert_eq!(RESULTS_VERSION, recorded_version);
+        // Systems and instruction sets differ in the last digits.
+        let mean = mean_of_results();
+        assert!((mean / recorded_mean - 1.0_f64).abs() < 1e-11, "was {recorded_mean:?}, is {mean:?}");
+    }
+
+    #[test]
+    fn what_is_no_part_of_the_key_moves_no_vector() {
+        let changes: [fn(&mut Setup, &mut Sample); 6] = [
+            |setup, _| setup.scenes[0].name = "other/b.dat".to_owned(),
+            |setup, _| setup.band = Some((8, 8)),
+            |setup, _| setup.first_readouts = Some([256; 2]),
+            |setup, _| setup.lamp = 0.1,
+            |_, sample| sample.camera.name = "other".to_owned(),
+            |_, sample| sample.camera.source = "elsewhere".to_owned(),
+        ];
+        let plain = values(&setup(), &sample(), 3).unwrap();
+        for change in changes {
+            assert_eq!(changed(change), changed(|_, _| {}));
+            let (mut setup, mut sample) = (setup(), sample());
+            change(&mut setup, &mut sample);
+            assert_eq!(values(&setup, &sample, 3).unwrap(), plain);
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! A camera with knobs: the numbers that a diagnosis may turn.
+
+use super::base::{BASE, Number};
+use super::fixed::Pinned;
+use super::knob::Knob;
+use super::sample::Sample;
+use crate::diagnose::kept::folder::Kept;
+use crate::diagnose::protocol::recorded_set::Setup;
+use spikelane::effects::Camera;
+use spikelane::effects::definition::Scale;
+use spikelane::error::Result;
+
+/// A camera, its knobs and the lamps of the scenes.
+#[derive(Clone, Debug)]
+pub(in crate::diagnose) struct Model {
+    pub camera: Camera,
+    pub knobs: Vec<Knob>,
+    /// Scenes whose light is known to [`Model::lamp`] only.
+    pub lamps: Vec<usize>,
+    /// Relative standard deviation of a lamp.
+    pub lamp: f64,
+    /// Lost and repeated readouts that are not left to chance.
+    pub pinned: Pinned,
+    /// Where vectors of its samples are kept.
+    pub kept: Option<Kept>,
+}
+
+impl Model {
+    /// The base model of a camera: what calibration fits, and nothing else.
+    pub(crate) fn base(camera: Camera, setup: &Setup) -> Self {
+        let knob = |number: &Number| {
+            let Number { effect, key, .. } = *number;
+            let centre = camera.effect(effect.name)?.get(key).ok()?;
+            let range = (0.02 * centre, 20.0 * centre);
+            (centre > 0.0).then_some(Knob { effect, key, scale: Scale::Linear, centre, unit: centre, range })
+        };
+        let shown = |number: &&Number| number.shown_by_still || !setup.only_still();
+        // An unknown scene's light is what its rates say.
+        let lit = |k: &usize| setup.scenes[*k].brightness() > 0.0 && setup.scenes[*k].still.is_none();
+        Self {
+            knobs: BASE.iter().filter(shown).filter_map(knob).collect(),
+            lamps: (0..setup.scenes.len()).filter(lit).collect(),
+            lamp: setup.lamp,
+            camera,
+            pinned: Pinned::default(),
+            kept: None,
+        }
+    }
+
+    /// The same, whose samples' vectors are looked for in `kept` and put there.
+    pub(crate) fn keeping(self, kept: Option<&Kept>) -> Self {
+        Self { kept: kept.cloned(), ..self }
+    }
+
+    /// Where the knobs stand in `camera`.
+    pub(crate) fn places_in(&self, camera: &Camera) -> Vec<f64> {
+        self.knobs.iter().map(|knob| knob.position(knob.value_in(camera))).collect()
+    }
+
+    /// The sample at knob positions `u` and relative lamp errors `lamps` (one for each scene of [`Model::lamps`]).
+    pub(crate) fn sample(&self, u: &[f64], lamps: &[f64], scenes: usize) -> Result<Sample> {
+        let mut camera = self.camera.clone();
+        for (knob, u) in self.knobs.iter().zip(u) {
+            let effect = camera.effect(knob.effect.name).cloned().unwrap_or_else(|| knob.effect.neutral());
+            camera = camera.with(effect.with(knob.key, knob.value(*u))?);
+        }
+        let mut factors = vec![1.0; scenes];
+        for (k, off) in self.lamps.iter().zip(lamps) {
+            factors[*k] = 1.0 + off;
+        }
+        Ok(Sample { camera, lamps: factors, pinned: self.pinned.clone(), kept: self.kept.clone() })
+    }
+}

@@ -1,0 +1,206 @@
+//! A random laboratory: a camera of known truth, lamps that are not what they are said to be, and one fault.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use spikelane_calibrate::{Level, Observed};
+use spikelane::spikes::Geometry;
+
+use super::calibrate_support::{Lit, Noise, Pixel, Random, level_of, pixels, traces};
+
+/// What is wrong in a laboratory, in the order in which they are drawn.
+pub(crate) const FAULTS: [&str; 15] = [
+    "nothing; lamps exact",
+    "lamps within 0.1 %",
+    "lamps within 1 %, as stated",
+    "a third of the lamps off by up to 10 %",
+    "one lamp mislabelled by 5 to 10 %",
+    "no dark recording",
+    "hot and dead pixels",
+    "a stuck column",
+    "pixels that blink from level to level",
+    "a saturated level",
+    "unequal lengths",
+    "dark and one or two levels only",
+    "dark and 29 levels",
+    "lamps that drift by 1 % within a recording",
+    "a response that bends alike in all pixels",
+];
+
+/// Pixels of the sensors.
+const WIDTH: u32 = 24;
+const HEIGHT: u32 = 16;
+
+/// One recording: the light that falls and the light that is stated, how long, and which pixels see it.
+pub(crate) struct Shot {
+    pub light: f64,
+    pub stated: f64,
+    pub readouts: u32,
+    pixels: Vec<Pixel>,
+    lit: Lit,
+    seed: u64,
+}
+
+pub(crate) struct Lab {
+    pub fault: &'static str,
+    pub noise: Noise,
+    pub truth: Vec<Pixel>,
+    /// By rising stated light.
+    pub shots: Vec<Shot>,
+}
+
+impl Lab {
+    /// The `index`-th laboratory: faults take turns, everything else is drawn by the index.
+    pub(crate) fn new(index: u64) -> Self {
+        let fault = FAULTS[index as usize % FAULTS.len()];
+        let mut random = Random::new(0x1AB0_0000 + index);
+        let noise = population(&mut random);
+        let mut truth = pixels(&noise, (WIDTH * HEIGHT) as usize, 7_000 + index);
+        spoil(fault, &mut truth, &mut random);
+        let levels = lamps(fault, &mut random);
+        let base = 2000 + (2000.0 * random.uniform()) as u32;
+        let bend = if fault.starts_with("a response") { 0.01 + 0.03 * random.uniform() } else { 0.0 };
+        let mut shots = Vec::new();
+        for (k, [light, stated]) in levels.into_iter().enumerate() {
+            let longer = if fault == "unequal lengths" { 1 + (4.0 * random.uniform()) as u32 } else { 1 };
+            // A tenth of the spikes of a dim level would be none at all.
+            let readouts = (base * longer).max(if light > 0.0 { (60.0 / light) as u32 } else { 0 });
+            let mut shown = truth.clone();
+            if fault.starts_with("pixels that blink") {
+                for pixel in &mut shown[..20] {
+                    pixel.gain *= 0.7 + 0.6 * random.uniform();
+                }
+            }
+            let drifts = fault.starts_with("lamps that drift") && light > 0.0;
+            let either_way = |random: &mut Random| if random.uniform() < 0.5 { 0.01 } else { -0.01 };
+            let rise = if drifts { either_way(&mut random) } else { 0.0 };
+            let lit = Lit { light: light * (1.0 - bend * light), rise };
+            let seed = index * 100 + k as u64;
+            shots.push(Shot { light, stated, readouts, pixels: shown, lit, seed });
+        }
+        Self { fault, noise, truth, shots }
+    }
+
+    /// Pixels that are as the population says.
+    pub(crate) fn usual(&self) -> impl Iterator<Item = &Pixel> + Clone {
+        let (noise, dead) = (self.noise, |p: &&Pixel| p.gain > 0.0);
+        self.truth.iter().filter(dead).filter(move |p| p.dark < noise.dark + 6.0 * noise.dark_sd)
+    }
+
+    /// What is counted of the recordings, without a file between.
+    pub(crate) fn observed(&self) -> Observed {
+        let one = |(k, shot): (usize, &Shot)| {
+            let times = traces(&self.noise, &shot.pixels, shot.lit, shot.readouts, shot.seed);
+            // Intervals are looked at where it is dim.
+            let mut level = level_of(&times, shot.lit.light, shot.readouts, shot.lit.light < 0.12);
+            (level.light, level.name) = (shot.stated, file(k));
+            level
+        };
+        let levels: Vec<Level> = self.shots.iter().enumerate().map(one).collect();
+        Observed {
+            geometry: Geometry::new(WIDTH, HEIGHT).unwrap(),
+            readout_hz: 20_000.0,
+            levels,
+            others: Vec::new(),
+        }
+    }
+
+    /// The recordings as files, bit by bit: readouts of whole bytes, the upper row first. The path of the set that names them.
+    pub(crate) fn write(&self, folder: &Path) -> PathBuf {
+        let pixels = (WIDTH * HEIGHT) as usize;
+        let mut set =
+            format!("width = {WIDTH}\nheight = {HEIGHT}\nreadout_hz = 20000.0\nlayout = \"dat-top\"\n");
+        for (k, shot) in self.shots.iter().enumerate() {
+            let mut bytes = vec![0_u8; pixels / 8 * shot.readouts as usize];
+            let times = traces(&self.noise, &shot.pixels, shot.lit, shot.readouts, shot.seed);
+            for (p, times) in times.iter().enumerate() {
+                for t in times {
+                    bytes[pixels / 8 * *t as usize + p / 8] |= 1 << (p % 8);
+                }
+            }
+            std::fs::write(folder.join(file(k)), bytes).unwrap();
+            write!(set, "[[recording]]\nfile = \"{}\"\nlight = {:?}\n", file(k), shot.stated).unwrap();
+        }
+        let path = folder.join("set.toml");
+        std::fs::write(&path, set).unwrap();
+        path
+    }
+}
+
+fn file(k: usize) -> String {
+    format!("level_{k}.dat")
+}
+
+/// Spreads and noise of a kind of camera.
+fn population(random: &mut Random) -> Noise {
+    let mut between = |low: f64, high: f64| low + (high - low) * random.uniform();
+    let dark = between(0.003, 0.008);
+    Noise {
+        threshold_sd: between(0.005, 0.05),
+        gain_sd: between(0.01, 0.07),
+        dark,
+        dark_sd: dark * between(0.15, 0.33),
+        sigma_t: 5e-4 * 16.0_f64.powf(between(0.0, 1.0)),
+        photons: between(2e4, 8e4),
+        lost: 0.002,
+    }
+}
+
+/// Makes defects.
+fn spoil(fault: &str, truth: &mut [Pixel], random: &mut Random) {
+    let dead = |p: &mut Pixel| (p.gain, p.dark) = (0.0, 0.0);
+    match fault {
+        "hot and dead pixels" => {
+            truth[..15].iter_mut().for_each(|p| p.dark *= 5.0 + 20.0 * random.uniform());
+            truth[15..20].iter_mut().for_each(dead);
+        }
+        "a stuck column" => truth.iter_mut().skip(3).step_by(WIDTH as usize).for_each(dead),
+        _ => {}
+    }
+}
+
+/// Lit levels: 2 to 29, as many laboratories with 2 to 4 as with 8 to 16.
+fn lit_levels(fault: &str, random: &mut Random) -> usize {
+    let drawn = (2.0 * 15.0_f64.powf(random.uniform())) as usize;
+    match fault {
+        "dark and one or two levels only" => 1 + (2.0 * random.uniform()) as usize,
+        "dark and 29 levels" => 29,
+        // Of two lamps nobody tells which one is off.
+        _ if fault.starts_with("a third") || fault.starts_with("one lamp") => drawn.max(3),
+        _ => drawn,
+    }
+}
+
+/// Levels as they are and as they are said to be.
+fn lamps(fault: &str, random: &mut Random) -> Vec<[f64; 2]> {
+    let lit = lit_levels(fault, random);
+    // One of each part of the range, so that none coincide.
+    let step = 0.92 / lit as f64;
+    let mut stated: Vec<f64> =
+        (0..lit).map(|k| 0.02 + step * (k as f64 + 0.1 + 0.8 * random.uniform())).collect();
+    if fault == "a saturated level" {
+        stated.push(1.3);
+    }
+    let uncertainty = match fault {
+        "nothing; lamps exact" => 0.0,
+        "lamps within 0.1 %" => 0.001,
+        _ => 0.01,
+    };
+    let mut levels: Vec<[f64; 2]> =
+        stated.iter().map(|s| [s * (1.0 + uncertainty * random.normal()), *s]).collect();
+    let off = match fault {
+        _ if fault.starts_with("a third") => lit / 3,
+        _ if fault.starts_with("one lamp") => 1,
+        _ => 0,
+    };
+    let least = if fault.starts_with("one lamp") { 0.05 } else { 0.0 };
+    for _ in 0..off {
+        let k = ((random.uniform() * lit as f64) as usize).min(lit - 1);
+        let by = least + (0.1 - least) * random.uniform();
+        levels[k][0] = levels[k][1] * (1.0 + if random.uniform() < 0.5 { by } else { -by });
+    }
+    if fault != "no dark recording" {
+        levels.insert(0, [0.0, 0.0]);
+    }
+    levels
+}

@@ -1,0 +1,7 @@
+//! The `spikelane` program.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    ExitCode::from(spikelane_cli::main(std::env::args_os()))
+}

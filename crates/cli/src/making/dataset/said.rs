@@ -1,0 +1,51 @@
+//! What is said of inputs and copies, whichever way a dataset is made.
+
+use std::path::PathBuf;
+
+use spikelane::Result;
+use crate::shared::output::Out;
+use spikelane_dataset::{self as dataset, DatasetOptions, Inputs};
+
+/// Names the files of a folder of inputs that become no sequence.
+pub(super) fn say_skipped(inputs: &Inputs, options: &DatasetOptions, out: &Out) -> Result<()> {
+    if inputs.list.is_none() {
+        let skipped = dataset::skipped(&inputs.folder, &options.output)?;
+        if let Some(text) = named(&skipped) {
+            out.say(format_args!("warning: {}: {text}", inputs.folder.display()));
+        }
+    }
+    Ok(())
+}
+
+/// A line about files that become no sequence.
+fn named(skipped: &[PathBuf]) -> Option<String> {
+    const LISTED: usize = 3;
+    let listed: Vec<String> = skipped.iter().take(LISTED).map(|p| p.display().to_string()).collect();
+    let (files, are) = if skipped.len() == 1 { ("file", "is") } else { ("files", "are") };
+    let more = if skipped.len() > LISTED { ", ..." } else { "" };
+    (!skipped.is_empty()).then(|| {
+        format!(
+            "{} {files} {are} left out, as neither video nor one of several pictures: {}{more}",
+            skipped.len(),
+            listed.join(", ")
+        )
+    })
+}
+
+/// What was set aside, and what the user should know of inputs.
+pub(super) fn say_apart(set_aside: &[(String, String)], notes: &[String], out: &Out) {
+    for (input, why) in set_aside {
+        out.say(format_args!("set aside  {input}: {why}"));
+    }
+    for note in notes {
+        out.say(format_args!("warning: {note}"));
+    }
+}
+
+pub(super) fn say_copied(copied: u64, out: &Out) {
+    if copied > 0 {
+        out.say(format_args!(
+            "note: this file system has no hard links: {copied} files were copied into the folders of loaders"
+        ));
+    }
+}

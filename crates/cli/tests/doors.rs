@@ -1,0 +1,313 @@
+//! The doors that bindings use, each against the slow way.
+
+use spikelane::effects;
+use spikelane_io::light::{Between, Frame, Insertion, OwnedSamples, Rate, Timeline};
+use spikelane::presets;
+use spikelane_io::simulate::{FrameRef, Pool};
+use spikelane::spikes::{self, Crop};
+use spikelane::{Camera, Error, Geometry, Kind, Plan, Seeds, Simulator};
+
+const SEEDS: Seeds = Seeds { camera: 5, shot: 6, sequence: 7 };
+
+fn sized(name: &str, width: u32, height: u32) -> Camera {
+    let mut camera = presets::builtin(name).unwrap();
+    camera.sensor.geometry = Geometry::new(width, height).unwrap();
+    camera
+}
+
+/// Everything that a start state can hold, and everything that lingers.
+fn lingering(width: u32, height: u32) -> Camera {
+    ["image_lag", "slow_threshold_noise", "adaptation", "telegraph_dark", "row_noise", "repeated_readouts"]
+        .iter()
+        .fold(sized("physical", width, height), |camera, name| {
+            camera.with(effects::find(name).unwrap().typical())
+        })
+}
+
+fn cameras() -> Vec<Camera> {
+    let names = presets::ALL.iter().map(|p| p.name);
+    names.map(|name| sized(name, 37, 9)).chain([lingering(37, 9)]).collect()
+}
+
+fn ramp(geometry: Geometry, k: usize) -> Vec<u8> {
+    (0..geometry.pixels()).map(|p| (p * 7 + k * 53) as u8).collect()
+}
+
+fn run(simulator: &mut Simulator, readouts: usize) -> Vec<u8> {
+    let geometry = simulator.plan().geometry();
+    let mut out = vec![0; readouts * geometry.frame_bytes()];
+    simulator.push(FrameRef::u8(&ramp(geometry, 1), geometry), &mut out).unwrap();
+    out
+}
+
+#[test]
+fn a_plan_with_other_seeds_is_the_plan_that_would_be_made_anew() {
+    for camera in cameras() {
+        let first = Plan::new(&camera, Seeds { shot: 1, sequence: 2, ..SEEDS }).unwrap();
+        assert_eq!(first.with_seeds(SEEDS).unwrap(), Plan::new(&camera, SEEDS).unwrap(), "{}", camera.name);
+    }
+}
+
+#[test]
+fn another_cameras_seed_is_refused_and_changes_nothing() {
+    let mut simulator = Simulator::new(&sized("physical", 20, 4), SEEDS).unwrap();
+    let error = simulator.restart(Seeds { camera: 9, ..SEEDS }).unwrap_err();
+    assert_eq!((error.kind(), error.parts().found), (Kind::Usage, "9"));
+    assert_eq!(simulator.plan().seeds(), SEEDS);
+}
+
+#[test]
+fn a_restarted_simulator_gives_the_bits_of_a_new_one() {
+    for camera in cameras() {
+        let mut used = Simulator::new(&camera, Seeds { sequence: 1, ..SEEDS }).unwrap();
+        run(&mut used, 33);
+        used.restart(SEEDS).unwrap();
+        assert_eq!(used.state().readout(), 0);
+        let mut new = Simulator::new(&camera, SEEDS).unwrap();
+        assert_eq!(run(&mut used, 150), run(&mut new, 150), "{}", camera.name);
+    }
+}
+
+/// A camera whose pixels differ and draw nothing at readouts.
+fn patterned(width: u32, height: u32) -> Camera {
+    let names = ["prnu", "smooth_prnu", "column_pattern", "row_pattern", "vignetting", "dead_pixels"];
+    let bare = sized("ideal", width, height).without("start_phase");
+    names.iter().fold(bare, |camera, name| camera.with(effects::find(name).unwrap().typical()))
+}
+
+#[test]
+fn a_window_shows_what_the_whole_sensor_shows_at_its_place() {
+    let whole = patterned(61, 40);
+    let crop = Crop { x: 17, y: 5, width: 23, height: 31 };
+    let mut big = Simulator::new(&whole, SEEDS).unwrap();
+    let mut small = Simulator::new(&whole.window(crop).unwrap(), SEEDS).unwrap();
+    let geometry = whole.sensor.geometry;
+    let light = ramp(geometry, 3);
+    let mut all = vec![0; 200 * geometry.frame_bytes()];
+    big.push(FrameRef::u8(&light, geometry), &mut all).unwrap();
+    let part = small.plan().geometry();
+    let mut out = vec![0; 200 * part.frame_bytes()];
+    small.push(FrameRef::u8(&crop.pick(geometry, &light), part), &mut out).unwrap();
+    let (mut all_bits, mut bits) = (vec![0; 200 * geometry.pixels()], vec![0; 200 * part.pixels()]);
+    spikes::unpack(geometry, &all, &mut all_bits).unwrap();
+    spikes::unpack(part, &out, &mut bits).unwrap();
+    let expected: Vec<u8> = all_bits.chunks(geometry.pixels()).flat_map(|f| crop.pick(geometry, f)).collect();
+    let differ = bits.iter().zip(&expected).filter(|(a, b)| a != b).count();
+    assert_eq!(differ, 0, "of {}", bits.len());
+    assert!(bits.contains(&0) && bits.contains(&1));
+}
+
+#[test]
+fn a_window_has_another_pattern_than_a_sensor_of_its_size() {
+    let crop = Crop { x: 17, y: 5, width: 20, height: 20 };
+    let window = patterned(61, 40).window(crop).unwrap().model(SEEDS).unwrap();
+    assert_ne!(window.circuit.gain, patterned(20, 20).model(SEEDS).unwrap().circuit.gain);
+}
+
+#[test]
+fn a_window_of_a_plan_is_the_plan_of_the_window() {
+    let crop = Crop { x: 3, y: 2, width: 9, height: 6 };
+    for camera in cameras() {
+        let cut = Plan::new(&camera, SEEDS).unwrap().window(crop).unwrap();
+        assert_eq!(cut, Plan::new(&camera.window(crop).unwrap(), SEEDS).unwrap(), "{}", camera.name);
+        // The model is cut too, and its pixels obey the laws of their place.
+        let (whole, part) =
+            (camera.model(SEEDS).unwrap(), camera.window(crop).unwrap().model(SEEDS).unwrap());
+        let laws: Vec<_> = (0..37 * 9).map(|p| whole.law(p)).collect();
+        let expected = crop.pick(camera.sensor.geometry, &laws);
+        assert_eq!((0..54).map(|p| part.law(p)).collect::<Vec<_>>(), expected, "{}", camera.name);
+    }
+}
+
+#[test]
+fn a_window_of_a_window_is_one_of_the_whole() {
+    let whole = patterned(61, 40);
+    let outer = whole.window(Crop { x: 10, y: 20, width: 30, height: 15 }).unwrap();
+    let inner = outer.window(Crop { x: 5, y: 6, width: 8, height: 9 }).unwrap();
+    assert_eq!(inner, whole.window(Crop { x: 15, y: 26, width: 8, height: 9 }).unwrap());
+    assert!(outer.window(Crop { x: 25, y: 0, width: 8, height: 9 }).is_err());
+    let mut resized = inner;
+    resized.sensor.geometry = Geometry::new(9, 9).unwrap();
+    assert_eq!(resized.model(SEEDS).unwrap_err().kind(), Kind::Config);
+    assert!(presets::to_toml(&resized).is_err());
+}
+
+#[test]
+fn a_camera_file_keeps_the_window() {
+    let camera = patterned(61, 40).window(Crop { x: 10, y: 20, width: 30, height: 15 }).unwrap();
+    let text = presets::to_toml(&camera).unwrap().text;
+    assert_eq!(presets::parse(&text, None).unwrap(), camera);
+    assert!(presets::parse("[window]\nrow = 300\ncol = 0\nheight = 1\nwidth = 1", None).is_err());
+}
+
+/// The slow way: a push for each frame, with the weights of the timeline.
+fn frame_by_frame(camera: &Camera, frames: &[FrameRef<'_>], timeline: &Timeline, readouts: usize) -> Vec<u8> {
+    let mut simulator = Simulator::new(camera, SEEDS).unwrap();
+    let bytes = camera.sensor.geometry.frame_bytes();
+    let mut out = vec![0; readouts * bytes];
+    for (t, packed) in out.chunks_mut(bytes).enumerate() {
+        let moment = timeline.at_end(t as u64, frames.len() as u64).unwrap();
+        let frame = moment.frame as usize;
+        match frames.get(frame + 1) {
+            Some(next) => {
+                simulator.push_between(frames[frame], *next, &[moment.weight()], packed).unwrap();
+            }
+            None => simulator.push(frames[frame], packed).unwrap(),
+        }
+    }
+    out
+}
+
+fn pushed(camera: &Camera, frames: &[FrameRef<'_>], timeline: &Timeline, readouts: usize) -> Vec<u8> {
+    let mut simulator = Simulator::new(camera, SEEDS).unwrap();
+    let mut out = vec![0; readouts * camera.sensor.geometry.frame_bytes()];
+    simulator.push_frames(frames, timeline, &mut out).unwrap();
+    out
+}
+
+#[test]
+fn many_frames_in_one_call_are_the_frames_pushed_one_by_one() {
+    let rate = |n| Rate::new(n, 1).unwrap();
+    for insertion in [Insertion::Hold, Insertion::Linear] {
+        let timelines = [
+            Timeline::per_frame(1, insertion).unwrap(),
+            Timeline::per_frame(20, insertion).unwrap(),
+            Timeline::rates(rate(300), rate(1000), insertion).unwrap(),
+            Timeline::rates(rate(2500), rate(1000), insertion).unwrap(),
+        ];
+        for camera in [sized("physical", 37, 9), sized("ideal", 64, 4), lingering(37, 9)] {
+            let geometry = camera.sensor.geometry;
+            let data: Vec<Vec<u8>> = (0..30).map(|k| ramp(geometry, k)).collect();
+            let frames: Vec<_> = data.iter().map(|f| FrameRef::u8(f, geometry)).collect();
+            for timeline in timelines.clone() {
+                let readouts = timeline.readouts(30).unwrap() as usize;
+                let slow = frame_by_frame(&camera, &frames, &timeline, readouts);
+                assert_eq!(pushed(&camera, &frames, &timeline, readouts), slow, "{timeline:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn light_that_flows_is_the_light_of_the_motion_between_frames() {
+    let camera = sized("physical", 40, 32);
+    let geometry = camera.sensor.geometry;
+    let square = |at: usize| -> Vec<u8> {
+        let lit = |p: usize| (at..at + 9).contains(&(p % 40)) && (8..20).contains(&(p / 40));
+        (0..geometry.pixels()).map(|p| if lit(p) { 220 } else { 40 + (p % 7) as u8 }).collect()
+    };
+    let data = [square(5), square(9), square(13)];
+    let frames: Vec<_> = data.iter().map(|f| FrameRef::u8(f, geometry)).collect();
+    let timeline = Timeline::per_frame(8, Insertion::Flow).unwrap();
+    let found = pushed(&camera, &frames, &timeline, 24);
+
+    let owned: Vec<_> =
+        data.iter().map(|f| Frame::new(geometry, OwnedSamples::U8(f.clone())).unwrap()).collect();
+    let mut simulator = Simulator::new(&camera, SEEDS).unwrap();
+    let mut expected = vec![0; found.len()];
+    for (t, packed) in expected.chunks_mut(geometry.frame_bytes()).enumerate() {
+        let (k, part) = (t / 8, t % 8);
+        let light = match owned.get(k + 1) {
+            Some(next) if part > 0 => {
+                Between::new(&owned[k], next).unwrap().at((part as f64 / 8.0) as f32).unwrap()
+            }
+            _ => owned[k].clone(),
+        };
+        let samples = light.samples().borrowed();
+        simulator.push(FrameRef::dense(samples, geometry), packed).unwrap();
+    }
+    assert_eq!(found, expected);
+    assert_ne!(found, pushed(&camera, &frames, &Timeline::per_frame(8, Insertion::Hold).unwrap(), 24));
+}
+
+#[test]
+fn a_camera_that_drops_readouts_fills_the_buffer_or_says_how_far_it_came() {
+    let drops = effects::find("dropped_readouts").unwrap().neutral().with("probability", 0.2).unwrap();
+    let camera = sized("physical", 37, 9).with(drops);
+    let geometry = camera.sensor.geometry;
+    let data: Vec<Vec<u8>> = (0..30).map(|k| ramp(geometry, k)).collect();
+    let frames: Vec<_> = data.iter().map(|f| FrameRef::u8(f, geometry)).collect();
+    let timeline = Timeline::per_frame(5, Insertion::Linear).unwrap();
+    let full = pushed(&camera, &frames, &timeline, 150);
+
+    let mut simulator = Simulator::new(&camera, SEEDS).unwrap();
+    let mut out = vec![0; full.len()];
+    let kept = simulator.expose_frames(&frames, &timeline, 150, &mut out).unwrap();
+    assert!((90..150).contains(&kept), "{kept}");
+    assert_eq!(simulator.state().readout(), 150);
+    let bytes = geometry.frame_bytes();
+    assert_eq!(out[..kept * bytes], full[..kept * bytes]);
+    simulator.push(frames[29], &mut out[kept * bytes..]).unwrap();
+    assert_eq!(out, full);
+}
+
+#[test]
+fn frames_that_cannot_be_light_or_last_too_short_change_nothing() {
+    let camera = sized("physical", 10, 4);
+    let geometry = camera.sensor.geometry;
+    let mut simulator = Simulator::new(&camera, SEEDS).unwrap();
+    let before = simulator.state().clone();
+    let (good, mut bad) = (vec![0.5; 40], vec![0.5; 40]);
+    bad[13] = f32::NAN;
+    let timeline = Timeline::per_frame(2, Insertion::Hold).unwrap();
+    let mut out = vec![0; 4 * geometry.frame_bytes()];
+    let frames = [FrameRef::f32(&good, geometry), FrameRef::f32(&bad, geometry)];
+    let error = simulator.push_frames(&frames, &timeline, &mut out).unwrap_err();
+    assert_eq!(error.parts().subject, "frame 1: light at row 1, col 3");
+    let error = simulator.push_frames(&frames[..1], &timeline, &mut out).unwrap_err();
+    assert_eq!(error.parts().found, "room for 4 readouts");
+    assert!(simulator.push_frames(&[], &timeline, &mut out).is_err());
+    assert_eq!(*simulator.state(), before);
+}
+
+#[test]
+fn a_watch_that_refuses_stops_between_two_readouts() {
+    let camera = sized("physical", 37, 9);
+    let geometry = camera.sensor.geometry;
+    let data = ramp(geometry, 2);
+    let frames = [FrameRef::u8(&data, geometry)];
+    let timeline = Timeline::still();
+    let mut out = vec![0; 1000 * geometry.frame_bytes()];
+    let mut simulator = Simulator::new(&camera, SEEDS).unwrap();
+    let mut stop = |done: usize| match done {
+        0..300 => Ok(()),
+        _ => Err(Error::new(Kind::Interrupted, "run")),
+    };
+    let error = simulator.push_frames_watched(&frames, &timeline, &mut out, &mut stop).unwrap_err();
+    assert_eq!(error.kind(), Kind::Interrupted);
+    let done = simulator.state().readout() as usize * geometry.frame_bytes();
+    assert!(done > 0 && done < out.len());
+    simulator.push_frames(&frames, &timeline, &mut out[done..]).unwrap();
+    assert_eq!(out, pushed(&camera, &frames, &timeline, 1000));
+}
+
+#[test]
+fn simulators_that_share_threads_give_the_bits_of_those_that_do_not() {
+    let pool = Pool::new(3).unwrap();
+    assert_eq!(pool.threads(), 3);
+    let camera = sized("physical", 150, 100);
+    let mut shared: Vec<_> =
+        (0..3).map(|_| Simulator::new(&camera, SEEDS).unwrap().with_pool(&pool)).collect();
+    let alone = run(&mut Simulator::new(&camera, SEEDS).unwrap(), 140);
+    std::thread::scope(|scope| {
+        let runs: Vec<_> = shared.iter_mut().map(|s| scope.spawn(|| run(s, 140))).collect();
+        runs.into_iter().for_each(|r| assert_eq!(r.join().unwrap(), alone));
+    });
+}
+
+#[test]
+fn an_error_can_be_read_piece_by_piece() {
+    let error = Error::new(Kind::Input, "light").found(3).expected("4").remedy("try");
+    let parts = error.parts();
+    assert_eq!((parts.kind.name(), parts.subject), ("input", "light"));
+    assert_eq!((parts.found, parts.expected, parts.remedy), ("3", "4", "try"));
+    assert!(error.io_error().is_none());
+}
+
+#[test]
+fn the_command_runs_inside_another_program() {
+    assert_eq!(spikelane_cli::main(["spikelane", "effects", "prnu"]), 0);
+    assert_eq!(spikelane_cli::main(["spikelane", "--version"]), 0);
+    assert_eq!(spikelane_cli::main(["spikelane", "efects"]), 2);
+    assert_eq!(spikelane_cli::main(["spikelane", "inspect", "no such file"]), 5);
+}

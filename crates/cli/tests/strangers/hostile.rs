@@ -1,0 +1,227 @@
+//! Folders from strangers: whatever their files name, hold or are, commands end with a listed code, and nothing outside
+//! the folder is read, written or removed.
+//!
+//! Each case takes a small valid folder, changes up to three things in it by a fixed seed, and runs the commands that
+//! read such a folder. `SPIKELANE_HOSTILE_CASES` sets their number, `SPIKELANE_HOSTILE_FIRST` the first.
+#![cfg(unix)]
+
+#[path = "hostile/folders.rs"]
+mod folders;
+#[path = "hostile/mutations.rs"]
+mod mutations;
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::os::unix::fs::MetadataExt as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use folders::{KINDS, Kind};
+use mutations::Random;
+use spikelane_io::storage::Digest;
+
+/// The codes that `docs/reference/errors.md` lists.
+const CODES: [i32; 13] = [0, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 75, 130];
+
+/// A command that has not ended by then hangs: each takes a fraction of a second.
+const HANG: Duration = Duration::from_secs(60);
+
+/// The address space of a command in KiB, which a count that becomes a size would exceed.
+const ADDRESS_SPACE_KIB: u64 = 8_000_000;
+
+/// What files outside the folder hold, and no output may.
+const SECRET: &str = "precious-0d1e6c";
+
+/// Every name below a folder with its mode, time of change, and bytes or target.
+fn snapshot(root: &Path) -> BTreeMap<PathBuf, (u32, i64, i64, Vec<u8>)> {
+    let (mut all, mut folders) = (BTreeMap::new(), vec![root.to_owned()]);
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let found = fs::symlink_metadata(&path).unwrap();
+            let bytes = if found.is_symlink() {
+                fs::read_link(&path).unwrap().into_os_string().into_encoded_bytes()
+            } else if found.is_file() {
+                fs::read(&path).unwrap()
+            } else {
+                Vec::new()
+            };
+            if found.is_dir() {
+                folders.push(path.clone());
+            }
+            let below = path.strip_prefix(root).unwrap().to_owned();
+            all.insert(below, (found.mode(), found.mtime(), found.mtime_nsec(), bytes));
+        }
+    }
+    all
+}
+
+/// What a command did.
+struct Ran {
+    /// `None` for a signal, or when it was ended since it hung.
+    code: Option<i32>,
+    hung: bool,
+    output: String,
+}
+
+fn run(folder: &Path, arguments: &[String]) -> Ran {
+    let log = folder.parent().unwrap().join("log");
+    let file = File::create(&log).unwrap();
+    let mut child = Command::new("sh")
+        .args(["-c", &format!("ulimit -v {ADDRESS_SPACE_KIB}; exec \"$@\""), "sh"])
+        .arg(env!("CARGO_BIN_EXE_spikelane"))
+        .args(arguments)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .stdout(file.try_clone().unwrap())
+        .stderr(file)
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    let mut hung = false;
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status;
+        }
+        if start.elapsed() > HANG {
+            hung = true;
+            child.kill().unwrap();
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    let output = String::from_utf8_lossy(&fs::read(&log).unwrap()).into_owned();
+    fs::remove_file(log).unwrap();
+    Ran { code: status.code(), hung, output }
+}
+
+/// Whether a file below `folder`, links aside, holds the secret.
+fn holds_secret(folder: &Path) -> Option<PathBuf> {
+    let holds = |bytes: &[u8]| bytes.windows(SECRET.len()).any(|part| part == SECRET.as_bytes());
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let found = fs::symlink_metadata(&path).unwrap();
+            if found.is_dir() {
+                folders.push(path);
+            } else if found.is_file() && found.len() < 1 << 24 && holds(&fs::read(&path).unwrap()) {
+                return Some(path);
+            }
+        }
+    }
+    None
+}
+
+/// Files and folders beside the hostile folder, which every case has to leave as they are.
+fn surroundings(around: &Path) {
+    fs::create_dir_all(around.join("home/alice")).unwrap();
+    fs::create_dir_all(around.join("empty")).unwrap();
+    for name in
+        ["secret.txt", "record.json", "stream.dat", "home/alice/thesis.txt", "home/alice/.draft.partial"]
+    {
+        fs::write(around.join(name), format!("{SECRET} {name}\n")).unwrap();
+    }
+}
+
+/// Runs one case and returns what is wrong.
+fn case(number: u64, base: &Path, top: &Path) -> Vec<String> {
+    let mut random = Random::new(number);
+    let kind: &Kind = &KINDS[random.below(KINDS.len())];
+    let place = top.join(number.to_string());
+    let (work, around) = (place.join("work"), place.join("around"));
+    folders::copy(&base.join(kind.folder), &work);
+    surroundings(&around);
+    let changes = mutations::apply(&mut random, &work, &around);
+    let follows = kind.follows && random.below(4) == 0;
+    let before = snapshot(&around);
+    let secret = Digest::of(&fs::read(around.join("secret.txt")).unwrap());
+    let mut wrong = Vec::new();
+    for line in kind.commands {
+        let mut arguments: Vec<String> = line.split(' ').map(str::to_owned).collect();
+        if follows {
+            arguments.push("--follow-links".to_owned());
+        }
+        let ran = run(&work, &arguments);
+        let mut say = |what: &str| {
+            let end: String = ran.output.chars().take(2000).collect();
+            wrong.push(format!("case {number}, {}, {changes:?}\n  {line}: {what}\n  {end}", kind.folder));
+        };
+        if ran.hung {
+            say("no end");
+        } else if !ran.code.is_some_and(|code| CODES.contains(&code)) {
+            say(&format!("code {:?}", ran.code));
+        }
+        if snapshot(&around) != before {
+            say("files outside changed");
+        }
+        let names: Vec<_> = fs::read_dir(&place).unwrap().map(|e| e.unwrap().file_name()).collect();
+        if names.len() != 2 {
+            say(&format!("files beside: {names:?}"));
+        }
+        // A file that the user names may itself be a link.
+        let is_link = |name: &String| fs::symlink_metadata(work.join(name)).is_ok_and(|m| m.is_symlink());
+        if !follows && !arguments.iter().any(is_link) {
+            if ran.output.contains(SECRET) || kind.folder == "stream" && ran.output.contains(&secret) {
+                say("a file outside was read");
+            }
+            if let Some(path) = holds_secret(&work) {
+                say(&format!("a file outside was copied to {}", path.display()));
+            }
+        }
+    }
+    fs::remove_dir_all(place).unwrap();
+    wrong
+}
+
+fn number(name: &str, otherwise: u64) -> u64 {
+    std::env::var(name).map_or(otherwise, |text| text.parse().unwrap())
+}
+
+#[test]
+fn commands_end_with_a_listed_code_and_leave_everything_outside_as_it_is() {
+    let top = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
+    let base = top.path().join("base");
+    folders::make(&base);
+    let before = snapshot(&base);
+    let (first, cases) = (number("SPIKELANE_HOSTILE_FIRST", 0), number("SPIKELANE_HOSTILE_CASES", 60));
+    let (next, wrong) = (AtomicU64::new(first), Mutex::new(Vec::new()));
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                loop {
+                    let number = next.fetch_add(1, Ordering::Relaxed);
+                    if number >= first + cases {
+                        break;
+                    }
+                    let found = case(number, &base, top.path());
+                    wrong.lock().unwrap().extend(found);
+                }
+            });
+        }
+    });
+    let wrong = wrong.into_inner().unwrap();
+    assert!(wrong.is_empty(), "{} of {cases} cases and more:\n{}", wrong.len(), wrong.join("\n"));
+    assert!(snapshot(&base) == before, "a folder that commands may only read has changed");
+}
+
+/// A change that no command could notice would make the test above mean nothing.
+#[test]
+fn every_valid_folder_is_accepted_as_it_is() {
+    let top = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
+    let base = top.path().join("base");
+    folders::make(&base);
+    for kind in KINDS {
+        let work = top.path().join("work");
+        folders::copy(&base.join(kind.folder), &work);
+        for line in kind.commands {
+            let arguments: Vec<String> = line.split(' ').map(str::to_owned).collect();
+            let ran = run(&work, &arguments);
+            assert_eq!(ran.code, Some(0), "{}: {line}: {}", kind.folder, ran.output);
+        }
+        fs::remove_dir_all(work).unwrap();
+    }
+}

@@ -1,0 +1,4 @@
+//! Files and folders from strangers.
+
+mod folders;
+mod hostile;

@@ -1,0 +1,135 @@
+//! The few facts a reader needs from the JSON file beside a stream.
+
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use spikelane::error::{Error, Kind, Result};
+use crate::formats::writer::own_sidecar;
+use crate::formats::{EVENTS, Layout};
+use spikelane::unstable::inputs::{MAX_TEXT_BYTES, read_bytes};
+use spikelane::spikes::Geometry;
+
+/// What a sidecar says of a stream; keys it lacks are `None`, others are left alone.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Facts {
+    pub(super) geometry: Option<Geometry>,
+    pub(super) layout: Option<Layout>,
+    pub(super) readouts: Option<u64>,
+    /// The sidecar itself.
+    pub(super) path: Option<PathBuf>,
+}
+
+#[derive(Deserialize)]
+struct Keys {
+    width: Option<u32>,
+    height: Option<u32>,
+    layout: Option<String>,
+    readouts: Option<u64>,
+    file: Option<String>,
+}
+
+/// The facts of the sidecar beside `path`, all `None` when there is no sidecar.
+pub(super) fn beside(path: &Path) -> Result<Facts> {
+    for candidate in candidates(path) {
+        if candidate.is_file() {
+            return read(&candidate, path);
+        }
+    }
+    Ok(Facts::default())
+}
+
+/// Where the sidecar of a stream may lie, the likeliest first.
+///
+/// `STEM.dat.json` (as `convert` writes it, since two layouts may share a stem), then `STEM.json`;
+/// the clean twin `STEM.clean.dat` shares that with `STEM.dat`.
+#[must_use]
+pub fn candidates(path: &Path) -> Vec<PathBuf> {
+    let mut found = vec![own_sidecar(path), path.with_extension("json")];
+    let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
+    if let Some(stem) = stem.strip_suffix(".clean") {
+        found.push(path.with_file_name(format!("{stem}.json")));
+    }
+    found
+}
+
+fn read(path: &Path, stream: &Path) -> Result<Facts> {
+    let text = read_bytes(path, "a sidecar", MAX_TEXT_BYTES)
+        .map_err(|e| e.remedy("give width, height and layout, and it is not read"))?;
+    let facts = parse(&path.display().to_string(), &text, stream)?;
+    Ok(Facts { path: Some(path.to_path_buf()), ..facts })
+}
+
+fn parse(name: &str, text: &[u8], stream: &Path) -> Result<Facts> {
+    let bad = |found: String| {
+        Error::new(Kind::Config, name)
+            .found(found)
+            .expected("a JSON object with width, height, layout, readouts")
+            .remedy("give width, height and layout, and it is not read")
+    };
+    let keys: Keys = serde_json::from_slice(text).map_err(|e| bad(e.to_string()))?;
+    let geometry = match (keys.width, keys.height) {
+        (Some(w), Some(h)) => {
+            Some(Geometry::new(w, h).map_err(|_| bad(format!("a camera of {w}x{h} pixels")))?)
+        }
+        (None, None) => None,
+        _ => return Err(bad("only one of width and height".into())),
+    };
+    if keys.layout.as_deref() == Some(EVENTS) {
+        return Err(Error::new(Kind::Input, stream.display())
+            .found("a list of events, as its sidecar says")
+            .expected("a stream of frames")
+            .remedy("name the stream that the list was made of"));
+    }
+    let layout = match keys.layout {
+        Some(name) => Some(Layout::parse(&name).map_err(|_| bad(format!("layout '{name}'")))?),
+        None => None,
+    };
+    // `STEM.npy` beside a sidecar of `STEM.dat`: the same camera perhaps, but not the same layout.
+    let about = keys.file.as_deref().map_or(stream, Path::new);
+    if about.extension() != stream.extension() {
+        return Ok(Facts { geometry, ..Facts::default() });
+    }
+    Ok(Facts { geometry, layout, readouts: keys.readouts, path: None })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unknown_keys_are_left_alone_and_wrong_ones_refused() {
+        let facts =
+            parse("s", br#"{"width":8,"height":2,"layout":"dat-top","x":[{}]}"#, Path::new("s.dat")).unwrap();
+        assert_eq!(facts.geometry, Geometry::new(8, 2).ok());
+        assert_eq!(facts.layout, Some(Layout::DatTop));
+        assert_eq!(facts.readouts, None);
+        for wrong in [
+            &br#"{"width":"8","height":2}"#[..],
+            br#"{"width":8}"#,
+            br#"{"width":0,"height":2}"#,
+            br#"{"layout":"avi"}"#,
+            br#"{"readouts":-1}"#,
+            b"{",
+            b"",
+        ] {
+            assert_eq!(parse("s", wrong, Path::new("s.dat")).unwrap_err().kind(), Kind::Config);
+        }
+    }
+
+    #[test]
+    fn a_sidecar_of_another_extension_tells_the_geometry_only() {
+        let text = br#"{"width":8,"height":2,"layout":"dat","readouts":3,"file":"run.dat"}"#;
+        let facts = parse("s", text, Path::new("a/run.npy")).unwrap();
+        assert_eq!(facts, Facts { geometry: Geometry::new(8, 2).ok(), ..Facts::default() });
+        let moved = parse("s", text, Path::new("b/moved.dat")).unwrap();
+        assert_eq!((moved.layout, moved.readouts), (Some(Layout::Dat), Some(3)));
+    }
+
+    #[test]
+    fn the_clean_twin_shares_the_sidecar() {
+        let found = candidates(Path::new("a/run.clean.dat"));
+        let expected = ["a/run.clean.dat.json", "a/run.clean.json", "a/run.json"];
+        assert_eq!(found, expected.map(PathBuf::from));
+    }
+}

@@ -1,0 +1,528 @@
+//! Arrays and video: round trips, damage, pipes and ffmpeg.
+
+use std::fs;
+use std::io::{Cursor, Write as _};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use spikelane_io::light::ffmpeg::Decoded;
+use spikelane_io::light::picture::Linear;
+use spikelane_io::light::{Fit, Frame, InputOptions, OwnedSamples, Rate, Source, Transfer, open, open_reader};
+use spikelane::unstable::npy::Element;
+use spikelane::{Error, Geometry, Kind};
+use tempfile::TempDir;
+
+fn camera(w: u32, h: u32) -> InputOptions {
+    InputOptions::new(Geometry::new(w, h).unwrap())
+}
+
+fn frames(source: &mut dyn Source) -> Result<Vec<Frame>, Error> {
+    let mut all = Vec::new();
+    let mut frame = Frame::dark(source.geometry());
+    while source.next_frame(&mut frame)? {
+        all.push(frame.clone());
+    }
+    Ok(all)
+}
+
+fn read(path: &Path, options: &InputOptions) -> Result<Vec<Frame>, Error> {
+    frames(&mut *open(path, options)?)
+}
+
+fn refused(path: &Path, options: &InputOptions) -> (Kind, String) {
+    let error = read(path, options).unwrap_err();
+    let text = error.to_string();
+    let name = path.file_name().unwrap().to_string_lossy();
+    assert!(text.contains(&*name), "{text}");
+    (error.kind(), text)
+}
+
+/// A type of numbers and its bytes in a file.
+trait Number: Copy {
+    const ELEMENT: Element;
+    fn bytes(self) -> Vec<u8>;
+}
+
+macro_rules! number {
+    ($($t:ty: $element:ident),*) => {
+        $(impl Number for $t {
+            const ELEMENT: Element = Element::$element;
+            fn bytes(self) -> Vec<u8> {
+                self.to_le_bytes().into()
+            }
+        })*
+    };
+}
+
+number!(u8: U8, u16: U16, f32: F32);
+
+fn npy<T: Number>(shape: &[u64], values: &[T]) -> Vec<u8> {
+    let mut bytes = spikelane::unstable::npy::header(T::ELEMENT, shape);
+    bytes.extend(values.iter().flat_map(|v| v.bytes()));
+    bytes
+}
+
+/// A version 1 file with this header text.
+fn npy_of(header: &str, data: &[u8]) -> Vec<u8> {
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.as_bytes());
+    bytes.extend(data);
+    bytes
+}
+
+fn put(dir: &TempDir, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+    let path = dir.path().join(name);
+    fs::write(&path, bytes).unwrap();
+    path
+}
+
+#[test]
+fn arrays_of_every_type_come_back_as_they_were() {
+    let dir = TempDir::new().unwrap();
+    let (b, h): (Vec<u8>, Vec<u16>) = ((0..12).collect(), (0..12).map(|x| x * 5000).collect());
+    let f: Vec<f32> = (0..12).map(|x| x as f32 / 4.0).collect();
+    let files = [
+        put(&dir, "b.npy", npy(&[2, 2, 3], &b)),
+        put(&dir, "h.npy", npy(&[2, 2, 3], &h)),
+        put(&dir, "f.npy", npy(&[2, 2, 3], &f)),
+    ];
+    let wanted = |i: usize| {
+        let at = 6 * i..6 * (i + 1);
+        [
+            OwnedSamples::U8(b[at.clone()].into()),
+            OwnedSamples::U16(h[at.clone()].into()),
+            OwnedSamples::F32(f[at].into()),
+        ]
+    };
+    for (k, file) in files.iter().enumerate() {
+        let got = read(file, &camera(3, 2)).unwrap();
+        assert_eq!(got.len(), 2);
+        for (i, frame) in got.iter().enumerate() {
+            assert_eq!(frame.samples(), &wanted(i)[k]);
+        }
+    }
+}
+
+#[test]
+fn two_axes_are_one_frame_and_big_endian_is_read() {
+    let header = "{'descr': '>u2', 'fortran_order': False, 'shape': (1, 2), }";
+    let dir = TempDir::new().unwrap();
+    let path = put(&dir, "big.npy", npy_of(header, &[1, 2, 255, 0]));
+    let got = read(&path, &camera(2, 1)).unwrap();
+    assert_eq!(got.len(), 1);
+    assert_eq!(got[0].samples(), &OwnedSamples::U16(vec![0x0102, 0xff00]));
+}
+
+#[test]
+fn a_transfer_function_applies_to_integers_and_is_refused_for_floats() {
+    let dir = TempDir::new().unwrap();
+    let mut options = camera(2, 1);
+    options.transfer = Some(Transfer::Srgb);
+    let path = put(&dir, "i.npy", npy(&[1, 2], &[128_u8, 255]));
+    assert_eq!(read(&path, &options).unwrap()[0].samples(), &OwnedSamples::U16(vec![14146, 65535]));
+    let path = put(&dir, "x.npy", npy(&[1, 2], &[0.5_f32, 1.0]));
+    assert_eq!(refused(&path, &options).0, Kind::Usage);
+}
+
+#[test]
+fn arrays_that_are_no_frames_say_why() {
+    let dir = TempDir::new().unwrap();
+    let header = |descr: &str, order: &str, shape: &str| {
+        npy_of(&format!("{{'descr': {descr}, 'fortran_order': {order}, 'shape': {shape}, }}"), &[0; 64])
+    };
+    for (name, bytes, says) in [
+        ("signed", header("'|i1'", "False", "(2, 2)"), "i8"),
+        ("fortran", header("'|u1'", "True", "(2, 2, 2)"), "ascontiguousarray"),
+        ("colour", header("'|u1'", "False", "(2, 2, 2, 3)"), "[2, 2, 2, 3]"),
+        ("empty", header("'|u1'", "False", "(0, 2, 2)"), "at least one frame"),
+        ("huge", header("'|u1'", "False", "(9999999999, 9999999999, 9)"), "pixels"),
+        ("wide", header("'|u1'", "False", "(1, 99999, 99999)"), "pixels"),
+        ("record", header("[('a', '<f4'), ('b', '<f4')]", "False", "(2, 2)"), "structured"),
+        ("nested", npy_of(&"(".repeat(9000), &[]), "no dictionary"),
+        ("broken", npy_of("{'descr': ", &[]), "NumPy"),
+        ("magic", b"\x93NUMPX\x01\x00".to_vec(), "no .npy header"),
+        ("short", b"\x93NUMPY\x01".to_vec(), "header"),
+        ("long", b"\x93NUMPY\x02\x00\xff\xff\xff\xff".to_vec(), "header of"),
+    ] {
+        let path = put(&dir, &format!("{name}.npy"), bytes);
+        let (kind, text) = refused(&path, &camera(2, 2));
+        assert_eq!(kind, Kind::Input, "{text}");
+        assert!(text.contains(says), "{name}: {text}");
+    }
+}
+
+#[test]
+fn a_truncated_array_is_refused_from_a_file_and_from_a_pipe() {
+    let dir = TempDir::new().unwrap();
+    let whole = npy(&[3, 2, 2], &[7_u8; 12]);
+    let cut = &whole[..whole.len() - 3];
+    let path = put(&dir, "cut.npy", cut);
+    assert_eq!(open(&path, &camera(2, 2)).err().unwrap().kind(), Kind::Input);
+    let pipe = Box::new(Cursor::new(cut.to_vec()));
+    let mut source = open_reader(pipe, "pipe", &camera(2, 2)).unwrap();
+    let error = frames(&mut *source).unwrap_err();
+    assert_eq!(error.kind(), Kind::Input);
+    assert!(error.to_string().contains("frame 2"), "{error}");
+}
+
+#[test]
+fn a_bad_float_in_an_array_is_named_by_frame_and_pixel() {
+    let dir = TempDir::new().unwrap();
+    let mut values = [0.5_f32; 12];
+    values[9] = f32::NAN;
+    let path = put(&dir, "nan.npy", npy(&[3, 2, 2], &values));
+    let (kind, text) = refused(&path, &camera(2, 2));
+    assert_eq!(kind, Kind::Input);
+    assert!(text.contains("frame 2") && text.contains("row 0, col 1"), "{text}");
+}
+
+fn npz(path: &Path, arrays: &[&str], values: &[u8], shape: &[u64]) {
+    let mut archive = zip::ZipWriter::new(fs::File::create(path).unwrap());
+    for name in arrays {
+        let options = zip::write::SimpleFileOptions::default();
+        archive.start_file(format!("{name}.npy"), options).unwrap();
+        archive.write_all(&npy(shape, values)).unwrap();
+    }
+    archive.finish().unwrap();
+}
+
+#[test]
+fn an_archive_of_one_array_is_read_and_of_two_is_refused() {
+    let dir = TempDir::new().unwrap();
+    // More than one block of the thread, so that a seam lies inside the data.
+    let values: Vec<u8> = (0..200_000_u32).map(|i| (i % 251) as u8).collect();
+    let path = dir.path().join("one.npz");
+    npz(&path, &["light"], &values, &[5, 200, 200]);
+    let got = read(&path, &camera(200, 200)).unwrap();
+    assert_eq!(got.len(), 5);
+    for (frame, wanted) in got.iter().zip(values.chunks(40_000)) {
+        assert_eq!(frame.samples(), &OwnedSamples::U8(wanted.to_vec()));
+    }
+    let path = dir.path().join("two.npz");
+    npz(&path, &["a", "b"], &[1; 4], &[2, 2]);
+    let (kind, text) = refused(&path, &camera(2, 2));
+    assert!(kind == Kind::Input && text.contains("2 arrays"), "{text}");
+    let path = put(&dir, "none.npz", "not an archive");
+    assert_eq!(refused(&path, &camera(2, 2)).0, Kind::Input);
+}
+
+/// A y4m stream of `header` (without the magic word) and frames of these planes.
+fn y4m(header: &str, planes: &[&[u8]]) -> Vec<u8> {
+    let mut bytes = format!("YUV4MPEG2 {header}\n").into_bytes();
+    for frame in planes {
+        bytes.extend(b"FRAME\n");
+        bytes.extend(*frame);
+    }
+    bytes
+}
+
+fn light(header: &str, planes: &[u8], size: (u32, u32)) -> Vec<f32> {
+    let stream = Box::new(Cursor::new(y4m(header, &[planes])));
+    let mut options = camera(size.0, size.1);
+    options.transfer = Some(Transfer::Linear);
+    let mut source = open_reader(stream, "pipe", &options).unwrap();
+    frames(&mut *source).unwrap()[0].to_f32()
+}
+
+/// One 16-bit rounding in the table and one in the output.
+const STEP: f32 = 2.0 / 65535.0;
+
+#[test]
+fn ranges_of_luma_are_as_declared() {
+    let near = |got: &[f32], wanted: &[f32]| {
+        assert!(got.iter().zip(wanted).all(|(a, b)| (a - b).abs() < STEP), "{got:?} {wanted:?}");
+    };
+    let codes = [0_u8, 16, 126, 235, 255];
+    let full: Vec<f32> = codes.iter().map(|&c| f32::from(c) / 255.0).collect();
+    let limited = [0.0, 0.0, 110.0 / 219.0, 1.0, 1.0];
+    near(&light("W5 H1 F25:1 Cmono", &codes, (5, 1)), &full);
+    near(&light("W5 H1 Cmono XCOLORRANGE=LIMITED", &codes, (5, 1)), &limited);
+    let mut colour = codes.to_vec();
+    colour.extend([128; 10]);
+    near(&light("W5 H1 F25:1 C444", &colour, (5, 1)), &limited);
+    near(&light("W5 H1 C444 XCOLORRANGE=FULL", &colour, (5, 1)), &full);
+}
+
+#[test]
+fn subsampled_chroma_covers_its_pixels() {
+    // Full range BT.601 red: Y 76, Cb 85, Cr 255 is R' 0.996, G' 0.0005, B' -0.0005.
+    // Odd sizes: the chroma planes round up.
+    for (header, chroma) in [("C420jpeg", 4), ("C422", 6), ("C444", 9)] {
+        let mut planes = vec![76; 9];
+        planes.extend(vec![85; chroma]);
+        planes.extend(vec![255; chroma]);
+        let got = light(&format!("W3 H3 {header} XCOLORRANGE=FULL"), &planes, (3, 3));
+        // Codes of 8 bits: 1/255 in R' is 0.0008 of luminance, in G' 0.003.
+        assert!(got.iter().all(|x| (x - 0.2126).abs() < 0.004), "{header} {got:?}");
+    }
+}
+
+#[test]
+fn ten_and_twelve_bits_are_little_endian() {
+    let sample = |x: u16| x.to_le_bytes();
+    let planes: Vec<u8> = [502, 512, 512].into_iter().flat_map(sample).collect();
+    let got = light("W1 H1 C444p10", &planes, (1, 1));
+    // (502 - 64) / 876
+    assert!((got[0] - 0.5).abs() < STEP);
+    let got = light("W1 H1 Cmono12", &sample(4095), (1, 1));
+    assert_eq!(got, [1.0]);
+}
+
+#[test]
+fn a_y4m_file_knows_its_frames_and_rate() {
+    let dir = TempDir::new().unwrap();
+    let path = put(&dir, "v.y4m", y4m("W2 H1 F30000:1001 Cmono", &[&[0, 255], &[255, 0], &[9, 9]]));
+    let mut source = open(&path, &camera(2, 1)).unwrap();
+    assert_eq!(source.frames(), Some(3));
+    assert_eq!(source.rate(), Some(Rate::new(30_000, 1001).unwrap()));
+    let got = frames(&mut *source).unwrap();
+    assert_eq!(got[0].samples(), &OwnedSamples::U16(vec![0, 65535]));
+    assert_eq!(got.len(), 3);
+}
+
+#[test]
+fn damaged_videos_are_input_errors_that_name_the_file() {
+    let dir = TempDir::new().unwrap();
+    let whole = y4m("W2 H2 Cmono", &[&[1; 4], &[2; 4]]);
+    let mut other = whole.clone();
+    let second = other.len() - 10;
+    other[second] = b'G';
+    for (name, bytes) in [
+        ("cut", whole[..whole.len() - 1].to_vec()),
+        ("cut_word", whole[..whole.len() - 8].to_vec()),
+        ("word", other),
+        ("none", y4m("W2 H2 Cmono", &[])),
+        ("zero", y4m("W0 H2 Cmono", &[])),
+        ("overflow", y4m("W4294967295 H4294967295 C444", &[])),
+        ("space", y4m("W2 H2 C411", &[])),
+        ("interlaced", y4m("W2 H2 It Cmono", &[&[1; 4]])),
+        ("line", b"YUV4MPEG2 W2 H2".to_vec()),
+    ] {
+        let path = put(&dir, &format!("{name}.y4m"), bytes);
+        let (kind, text) = refused(&path, &camera(2, 2));
+        assert_eq!(kind, Kind::Input, "{name} {text}");
+    }
+}
+
+#[test]
+fn a_pipe_that_ends_within_a_frame_is_told_from_one_that_ends() {
+    let whole = y4m("W2 H2 Cmono", &[&[1; 4], &[2; 4]]);
+    let count = |bytes: &[u8]| {
+        let pipe = Box::new(Cursor::new(bytes.to_vec()));
+        frames(&mut *open_reader(pipe, "pipe", &camera(2, 2)).unwrap()).map(|f| f.len())
+    };
+    assert_eq!(count(&whole).unwrap(), 2);
+    assert_eq!(count(&whole[..whole.len() - 10]).unwrap(), 1);
+    for less in 1..10 {
+        let error = count(&whole[..whole.len() - less]).unwrap_err();
+        assert_eq!(error.kind(), Kind::Input, "{less}");
+    }
+}
+
+fn ffmpeg() -> bool {
+    let found = Command::new("ffmpeg").arg("-version").output().is_ok();
+    if !found {
+        println!("skipped: no ffmpeg on PATH");
+    }
+    found
+}
+
+#[test]
+fn a_colour_video_comes_through_ffmpeg_with_its_light() {
+    if !ffmpeg() {
+        return;
+    }
+    let dir = TempDir::new().unwrap();
+    // A name with a colon and spaces must stay a name.
+    let path = dir.path().join("a: b.mkv");
+    let made = Command::new("ffmpeg")
+        .args(["-v", "error", "-f", "lavfi", "-i", "color=c=0x00bc00:s=64x48:r=25:d=0.4"])
+        .args(["-c:v", "ffv1", "-pix_fmt", "gbrp"])
+        .arg(format!("file:{}", path.display()))
+        .status()
+        .unwrap();
+    assert!(made.success());
+    let mut source = open(&path, &camera(64, 48)).unwrap();
+    assert_eq!(source.rate(), Some(Rate::new(25, 1).unwrap()));
+    let got = frames(&mut *source).unwrap();
+    assert_eq!(got.len(), 10);
+    // Code 188 is 0.5029 of light, green weighs 0.7152. Y'CbCr in 8 bits moves G' by up to
+    // two codes, 0.006 of light each.
+    let light = got[9].get(20, 30);
+    assert!((light - 0.7152 * 0.5029).abs() < 0.009, "{light}");
+}
+
+/// Grey codes 0 to 1023 in steps of 8, as a lossless video of this pixel format and these tags.
+fn ramp(dir: &TempDir, pixels: &str, scale: u16, tags: &[&str]) -> PathBuf {
+    let (wide, bytes) = (128, if scale == 0 { 1 } else { 2 });
+    let store = |code: u16| match bytes {
+        1 => vec![(code / 4) as u8],
+        _ => (code * scale).to_le_bytes().to_vec(),
+    };
+    let luma = || (0..4).flat_map(|_| (0..wide).flat_map(|x| store(8 * x)));
+    let middle = (0..if pixels.starts_with("yuv") { 2 * wide } else { 0 }).flat_map(|_| store(512));
+    let raw: Vec<u8> = match pixels {
+        _ if pixels.starts_with("gbrp") => luma().chain(luma()).chain(luma()).collect(),
+        _ => luma().chain(middle).collect(),
+    };
+    let source = put(dir, "ramp.raw", raw);
+    let path = dir.path().join("ramp.mkv");
+    let made = Command::new("ffmpeg")
+        .args(["-y", "-v", "error", "-f", "rawvideo", "-s", "128x4", "-pix_fmt", pixels, "-i"])
+        .arg(source)
+        .args(["-c:v", "ffv1"])
+        .args(tags)
+        .arg(&path)
+        .status()
+        .unwrap();
+    assert!(made.success(), "{pixels} {tags:?}");
+    path
+}
+
+/// Neutral grey does not know the matrix. The codes come through without loss, so light is right to the 16-bit
+/// table and the 16-bit sample: far below half a code of 10 bits, 5e-4 of light.
+#[test]
+fn grey_of_any_depth_range_and_matrix_comes_through_ffmpeg_to_half_a_code() {
+    if !ffmpeg() {
+        return;
+    }
+    let dir = TempDir::new().unwrap();
+    let full = &["-color_range", "pc"][..];
+    let limited = |c: f32| ((c - 64.0) / 876.0).clamp(0.0, 1.0);
+    let whole = |c: f32| c / 1023.0;
+    let eight = |c: f32| (((c / 4.0).floor() - 16.0) / 219.0).clamp(0.0, 1.0);
+    let eight_full = |c: f32| (c / 4.0).floor() / 255.0;
+    let twelve = |c: f32| c * 4.0 / 4095.0;
+    let sixteen = |c: f32| c * 64.0 / 65535.0;
+    type Case<'a> = (&'a str, u16, &'a [&'a str], &'a dyn Fn(f32) -> f32);
+    let cases: [Case<'_>; 16] = [
+        ("yuv420p10le", 1, &[], &limited),
+        ("yuv420p10le", 1, &["-colorspace", "bt709"], &limited),
+        ("yuv420p10le", 1, &["-colorspace", "smpte170m"], &limited),
+        ("yuv420p10le", 1, &["-colorspace", "bt2020nc"], &limited),
+        ("yuv420p10le", 1, full, &whole),
+        ("yuv420p12le", 4, full, &twelve),
+        ("yuv420p16le", 64, full, &sixteen),
+        ("yuv420p", 0, &[], &eight),
+        ("yuv420p", 0, &["-colorspace", "smpte170m"], &eight),
+        ("yuv420p", 0, full, &eight_full),
+        ("gray", 0, &[], &eight_full),
+        ("gray10le", 1, &[], &whole),
+        ("gray12le", 4, &[], &twelve),
+        ("gray16le", 64, &[], &sixteen),
+        ("gbrp10le", 1, &[], &whole),
+        ("gbrp16le", 64, &[], &sixteen),
+    ];
+    for (pixels, scale, tags, light_of) in cases {
+        let path = ramp(&dir, pixels, scale, tags);
+        let mut options = camera(128, 4);
+        options.transfer = Some(Transfer::Linear);
+        let light = read(&path, &options).unwrap()[0].to_f32();
+        for (x, got) in light.iter().take(128).enumerate() {
+            let wanted = light_of(8.0 * x as f32);
+            assert!((got - wanted).abs() < 3e-5, "{pixels} {tags:?}, code {}: {got} {wanted}", 8 * x);
+        }
+    }
+}
+
+/// A saturated colour as each standard has it in 10 bits of limited range. Half a code of Y', Cb and Cr moves R', G' and
+/// B' by at most (0.5 / 876 + 0.94 x 2 x 0.5 / 896) = 0.0016 of linear light here; another matrix by 0.01 and more.
+#[test]
+fn colours_of_ten_bits_are_decoded_by_the_matrix_that_the_file_names() {
+    if !ffmpeg() {
+        return;
+    }
+    let dir = TempDir::new().unwrap();
+    let rgb = [0.25_f64, 0.875, 0.125];
+    for (tag, kr, kb) in [
+        ("smpte170m", 0.299, 0.114),
+        ("bt709", 0.2126, 0.0722),
+        ("bt2020nc", 0.2627, 0.0593),
+        ("smpte240m", 0.212, 0.087),
+        ("fcc", 0.30, 0.11),
+    ] {
+        let y = kr * rgb[0] + (1.0 - kr - kb) * rgb[1] + kb * rgb[2];
+        let (cb, cr) = ((rgb[2] - y) / (2.0 - 2.0 * kb), (rgb[0] - y) / (2.0 - 2.0 * kr));
+        let codes = [64.0 + 876.0 * y, 512.0 + 896.0 * cb, 512.0 + 896.0 * cr].map(|c| c.round() as u16);
+        let raw: Vec<u8> = codes.iter().flat_map(|c| [c.to_le_bytes(); 64].concat()).collect();
+        let source = put(&dir, "colour.raw", raw);
+        let path = dir.path().join("colour.mkv");
+        let made = Command::new("ffmpeg")
+            .args(["-y", "-v", "error", "-f", "rawvideo", "-s", "8x8", "-pix_fmt", "yuv444p10le", "-i"])
+            .arg(source)
+            .args(["-c:v", "ffv1", "-colorspace", tag])
+            .arg(&path)
+            .status()
+            .unwrap();
+        assert!(made.success(), "{tag}");
+        let mut options = camera(8, 8);
+        options.transfer = Some(Transfer::Linear);
+        let got = f64::from(read(&path, &options).unwrap()[0].get(4, 4));
+        let wanted = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
+        assert!((got - wanted).abs() < 0.0016, "{tag}: {got} {wanted}");
+    }
+}
+
+#[test]
+fn mono_of_ten_and_sixteen_bits_has_its_own_white() {
+    for (space, white) in [("mono10", 1023_u16), ("mono14", 16383), ("mono16", 65535)] {
+        let got = light(&format!("W2 H1 C{space}"), &[[0, 0], white.to_le_bytes()].concat(), (2, 1));
+        assert_eq!(got, [0.0, 1.0], "{space}");
+    }
+}
+
+#[test]
+fn a_file_that_ffmpeg_cannot_decode_repeats_its_words() {
+    if !ffmpeg() {
+        return;
+    }
+    let dir = TempDir::new().unwrap();
+    let path = put(&dir, "no.mp4", "this is no video");
+    let (kind, text) = refused(&path, &camera(4, 4));
+    assert_eq!(kind, Kind::Tool);
+    assert!(text.contains("Invalid data"), "{text}");
+}
+
+#[test]
+fn a_missing_ffmpeg_says_how_to_get_it() {
+    let dir = TempDir::new().unwrap();
+    let path = put(&dir, "v.mp4", "x");
+    let size = Geometry::new(4, 4).unwrap();
+    let error =
+        Decoded::open_with("no-such-ffmpeg", &path, size, Fit::Resize, Linear::new(None)).err().unwrap();
+    assert_eq!(error.kind(), Kind::Tool);
+    assert!(error.to_string().contains("install"), "{error}");
+}
+
+#[test]
+fn a_file_that_is_cut_while_it_is_read_is_an_error_that_names_it() {
+    let dir = TempDir::new().unwrap();
+    // More than the readers and the thread of an archive hold at once.
+    let (side, count) = (300, 40);
+    // Bytes without rule, which no archive makes smaller.
+    let values: Vec<u8> = (0..(count * side * side) as u32)
+        .map(|i| (i.wrapping_mul(2_654_435_761) >> 21) as u8 ^ (i >> 3) as u8)
+        .collect();
+    let shape = [count as u64, side as u64, side as u64];
+    let [video, array, archive] = ["a.y4m", "a.npy", "a.npz"].map(|name| dir.path().join(name));
+    let mut bytes = format!("YUV4MPEG2 W{side} H{side} F25:1 Ip A1:1 Cmono\n").into_bytes();
+    values.chunks(side * side).for_each(|frame| bytes.extend([&b"FRAME\n"[..], frame].concat()));
+    fs::write(&video, bytes).unwrap();
+    let mut bytes = spikelane::unstable::npy::header(spikelane::unstable::npy::Element::U8, &shape);
+    bytes.extend(&values);
+    fs::write(&array, bytes).unwrap();
+    npz(&archive, &["light"], &values, &shape);
+    for path in [video, array, archive] {
+        let options = InputOptions::new(Geometry::new(8, 8).unwrap());
+        let mut source = open(&path, &options).unwrap();
+        let mut frame = Frame::dark(source.geometry());
+        assert!(source.next_frame(&mut frame).unwrap());
+        let file = fs::OpenOptions::new().write(true).open(&path).unwrap();
+        file.set_len(file.metadata().unwrap().len() / 2).unwrap();
+        let error = std::iter::repeat_with(|| source.next_frame(&mut frame)).find_map(Result::err).unwrap();
+        let text = error.to_string();
+        assert!(matches!(error.kind(), Kind::Input | Kind::Io), "{text}");
+        assert!(text.contains(&*path.file_name().unwrap().to_string_lossy()), "{text}");
+    }
+}

@@ -1,0 +1,173 @@
+//! A number with its uncertainty, and the robust statistics of maps.
+
+use rand_pcg::Pcg64Mcg;
+use rand_pcg::rand_core::{Rng, SeedableRng};
+
+/// A value with its standard error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(serde::Serialize)]
+pub struct Estimate {
+    /// The value; NaN when nothing could be measured.
+    pub value: f64,
+    /// Its standard error; NaN when it cannot be told from the data.
+    pub error: f64,
+    /// How many samples (pixels, pairs, rows) went in.
+    pub samples: usize,
+}
+
+impl Estimate {
+    /// Mean of the finite samples; standard error `sd / sqrt(n)` with the
+    /// unbiased variance, which holds for independent samples.
+    #[must_use]
+    pub fn mean(samples: impl IntoIterator<Item = f64>) -> Self {
+        // Welford's update: one pass, and no cancellation for a large mean.
+        let (mut n, mut mean, mut squares) = (0_usize, 0.0, 0.0);
+        for x in samples.into_iter().filter(|x| x.is_finite()) {
+            n += 1;
+            let delta = x - mean;
+            mean += delta / n as f64;
+            squares += delta * (x - mean);
+        }
+        let value = if n == 0 { f64::NAN } else { mean };
+        let error = match n {
+            0 | 1 => f64::NAN,
+            n => (squares / (n as f64 - 1.0) / n as f64).sqrt(),
+        };
+        Self { value, error, samples: n }
+    }
+
+    /// How many standard errors the value lies above `expected`.
+    #[must_use]
+    pub fn sigmas_from(self, expected: f64) -> f64 {
+        (self.value - expected) / self.error
+    }
+}
+
+/// Sum of `x` over sum of `y` over pixels, with the standard error from the
+/// spread of square tiles of `side` pixels.
+///
+/// With `r = X/Y` and tile sums `x_b, y_b`: `se = sqrt(B/(B-1) sum (x_b - r y_b)^2) / |Y|`
+/// (the linearised ratio estimator, the closed form of a bootstrap over tiles).
+pub(super) fn tiles_ratio(
+    pixels: usize,
+    width: usize,
+    side: usize,
+    of_pixel: impl Fn(usize) -> Option<(f64, f64)>,
+) -> Estimate {
+    let across = width.div_ceil(side);
+    let mut tiles = vec![(0.0, 0.0, 0_usize); across * (pixels / width).div_ceil(side)];
+    for p in 0..pixels {
+        if let Some((x, y)) = of_pixel(p) {
+            let tile = &mut tiles[p / width / side * across + p % width / side];
+            *tile = (tile.0 + x, tile.1 + y, tile.2 + 1);
+        }
+    }
+    tiles.retain(|tile| tile.2 > 0);
+    let x: f64 = tiles.iter().map(|t| t.0).sum();
+    let y: f64 = tiles.iter().map(|t| t.1).sum();
+    let value = x / y;
+    let squares: f64 = tiles.iter().map(|t| (t.0 - value * t.1).powi(2)).sum();
+    let b = tiles.len() as f64;
+    let error = if tiles.len() < 2 { f64::NAN } else { (b / (b - 1.0) * squares).sqrt() / y.abs() };
+    Estimate { value, error, samples: tiles.iter().map(|t| t.2).sum() }
+}
+
+/// Mean of the finite entries of a row-major map of rows of `width`, with the
+/// standard error from the spread of tiles of `side` x `side` pixels: right
+/// for maps that are correlated over less than a tile.
+#[must_use]
+pub fn tiled_mean(map: &[f64], width: usize, side: usize) -> Estimate {
+    let of_pixel = |p: usize| map[p].is_finite().then_some((map[p], 1.0));
+    tiles_ratio(map.len(), width, side.max(1), of_pixel)
+}
+
+/// Any statistic of the finite entries of a map, with its standard error by a
+/// bootstrap over tiles of `side` x `side` pixels: tiles are drawn with
+/// replacement `rounds` times, and the error is the standard deviation of the
+/// statistic over the rounds. For medians and robust spreads, which have no
+/// closed form here.
+#[must_use]
+pub fn bootstrap(
+    map: &[f64],
+    width: usize,
+    side: usize,
+    rounds: usize,
+    seed: u64,
+    statistic: impl Fn(&mut Vec<f64>) -> f64,
+) -> Estimate {
+    let across = width.div_ceil(side.max(1));
+    let mut tiles = vec![Vec::new(); across * (map.len() / width).div_ceil(side.max(1))];
+    for (p, x) in map.iter().enumerate().filter(|(_, x)| x.is_finite()) {
+        tiles[p / width / side * across + p % width / side].push(*x);
+    }
+    tiles.retain(|tile| !tile.is_empty());
+    let mut all = tiles.concat();
+    let samples = all.len();
+    let value = statistic(&mut all);
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    let draws = (0..rounds).map(|_| {
+        let mut drawn = Vec::with_capacity(samples);
+        for _ in 0..tiles.len() {
+            // Multiply-shift: the bias of at most tiles/2^32 is far below the error's own.
+            let pick = (u64::from(random.next_u32()) * tiles.len() as u64) >> 32;
+            drawn.extend_from_slice(&tiles[pick as usize]);
+        }
+        statistic(&mut drawn)
+    });
+    let spread = Estimate::mean(draws);
+    Estimate { value, error: spread.error * (spread.samples as f64).sqrt(), samples }
+}
+
+/// The finite entries of a map.
+#[must_use]
+pub fn finite(map: &[f64]) -> Vec<f64> {
+    map.iter().copied().filter(|x| x.is_finite()).collect()
+}
+
+/// Median of finite values (the mean of the middle two of an even number);
+/// NaN of none. Reorders them.
+#[must_use]
+pub fn median(values: &mut [f64]) -> f64 {
+    let (n, upper) = (values.len(), upper_median(values));
+    if n == 0 || n % 2 == 1 {
+        return upper;
+    }
+    let lower = values[..n / 2].iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    f64::midpoint(lower, upper)
+}
+
+/// The larger of the middle two of an even number of values, the median of an odd number; NaN of none. Reorders them.
+pub fn upper_median(values: &mut [f64]) -> f64 {
+    match values.len() {
+        0 => f64::NAN,
+        n => *values.select_nth_unstable_by(n / 2, f64::total_cmp).1,
+    }
+}
+
+/// Median and robust standard deviation, `1.4826` times the median absolute
+/// deviation (equal to the standard deviation of a normal distribution; its
+/// own relative standard error is then `1.17 / sqrt(n)`). Reorders the values.
+#[must_use]
+pub fn median_and_spread(values: &mut [f64]) -> (f64, f64) {
+    let centre = median(values);
+    let mut deviations: Vec<f64> = values.iter().map(|x| (x - centre).abs()).collect();
+    (centre, 1.4826 * median(&mut deviations))
+}
+
+/// Mean of the finite values without the share `trim` at either end. Standard
+/// error: Winsorised standard deviation over `(1 - 2 trim) sqrt(n)` (Tukey and
+/// McLaughlin 1963).
+#[must_use]
+pub fn trimmed_mean(map: &[f64], trim: f64) -> Estimate {
+    let mut values = finite(map);
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    let cut = ((n as f64 * trim.clamp(0.0, 0.49)) as usize).min(n.saturating_sub(1) / 2);
+    let kept = &values[cut..n - cut];
+    let value = Estimate::mean(kept.iter().copied()).value;
+    let (Some(low), Some(high)) = (kept.first(), kept.last()) else {
+        return Estimate::mean([]);
+    };
+    let winsorised = Estimate::mean(values.iter().map(|x| x.clamp(*low, *high)));
+    Estimate { value, error: winsorised.error / (kept.len() as f64 / n as f64), samples: n }
+}

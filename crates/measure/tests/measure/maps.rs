@@ -1,0 +1,250 @@
+//! Structure of maps, summaries and spectra of streams made for the purpose.
+
+use crate::measure_support::{Stream, uniform};
+use rand_pcg::Pcg64Mcg;
+use rand_pcg::rand_core::SeedableRng;
+use spikelane_measure::{
+    Estimate, MeasureOptions, bootstrap, borders, dsnu_prnu, high_pass, line_structure, map_correlations,
+    median, median_and_spread, select_rate, select_smooth, summarise, tiled_mean, trimmed_mean,
+};
+
+const SIDE: usize = 96;
+
+/// White noise of mean 1 and standard deviation `sd`, uniform in distribution.
+fn white(sd: f64, seed: u64) -> Vec<f64> {
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    let reach = sd * 12.0_f64.sqrt();
+    (0..SIDE * SIDE).map(|_| 1.0 + reach * (uniform(&mut random) - 0.5)).collect()
+}
+
+/// Multiplies a map by a factor per pixel.
+fn shaped(map: &[f64], factor: impl Fn(usize, usize) -> f64) -> Vec<f64> {
+    let pixel = |(p, x): (usize, &f64)| x * factor(p / SIDE, p % SIDE);
+    map.iter().enumerate().map(pixel).collect()
+}
+
+#[test]
+fn medians_and_trimmed_means_are_those_of_small_sets() {
+    assert_eq!(median(&mut [3.0, 1.0, 2.0]), 2.0);
+    assert_eq!(median(&mut [4.0, 1.0, 2.0, 3.0]), 2.5);
+    assert!(median(&mut []).is_nan());
+    let (centre, spread) = median_and_spread(&mut [1.0, 2.0, 3.0, 4.0, 100.0]);
+    assert_eq!((centre, spread), (3.0, 1.4826));
+    let trimmed = trimmed_mean(&[1.0, 2.0, 3.0, 4.0, 1000.0, f64::NAN], 0.2);
+    assert_eq!((trimmed.value, trimmed.samples), (3.0, 5));
+}
+
+#[test]
+fn errors_of_means_of_white_noise_are_sd_over_root_n() {
+    // 9216 pixels, sd 0.1: 0.00104; the estimate from 144 tiles is good to 6 %, from
+    // 200 bootstrap rounds to 5 % more: 4 sigma is 0.3.
+    let map = white(0.1, 1);
+    let expected = 0.1 / SIDE as f64;
+    let mean_of = |values: &mut Vec<f64>| Estimate::mean(values.iter().copied()).value;
+    for found in [
+        Estimate::mean(map.iter().copied()),
+        tiled_mean(&map, SIDE, 8),
+        bootstrap(&map, SIDE, 8, 200, 7, mean_of),
+    ] {
+        assert!((found.error / expected - 1.0).abs() < 0.3, "{found:?}");
+        assert!(found.sigmas_from(1.0).abs() < 4.0, "{found:?}");
+    }
+}
+
+#[test]
+fn a_high_pass_keeps_white_noise_and_removes_gradients() {
+    let noise = white(0.02, 2);
+    let tilted = shaped(&noise, |r, c| 1.0 + 0.002 * r as f64 + 0.001 * c as f64);
+    let left = high_pass(&tilted, SIDE);
+    // Only pixels whose whole box is on the map see a pure gradient vanish.
+    let inner = |p: &usize| (2..SIDE - 2).contains(&(p / SIDE)) && (2..SIDE - 2).contains(&(p % SIDE));
+    let sd = |map: &[f64]| {
+        let all = Estimate::mean((0..map.len()).filter(inner).map(|p| map[p]));
+        all.error * (all.samples as f64).sqrt()
+    };
+    // The tilt also scales the noise, by 1.14 in root mean square.
+    assert!((sd(&left) / (0.02 * 1.144) - 1.0).abs() < 0.03, "{}", sd(&left));
+}
+
+/// A map of `height` rows with a pixel in seven missing.
+fn with_gaps(width: usize, height: usize) -> Vec<f64> {
+    let mut random = Pcg64Mcg::seed_from_u64(width as u64);
+    let value = |p: usize, u: f64| if p % 7 == 3 { f64::NAN } else { 1.0 + u };
+    (0..width * height).map(|p| value(p, uniform(&mut random))).collect()
+}
+
+fn near(found: f64, expected: f64) -> bool {
+    found.is_nan() && expected.is_nan() || (found - expected).abs() < 1e-12
+}
+
+#[test]
+fn a_high_passed_pixel_is_its_value_less_the_mean_of_its_box() {
+    // Sums of 25 values of 1 to 2 in any order agree to 25 roundings of 2^-48; 1e-12 sees a wrong pixel by far.
+    for (width, height) in (1..9).flat_map(|w| (1..9).map(move |h| (w, h))) {
+        let map = with_gaps(width, height);
+        for (p, found) in high_pass(&map, width).into_iter().enumerate() {
+            let (row, column) = (p / width, p % width);
+            let within = |q: &usize| row.abs_diff(q / width) <= 2 && column.abs_diff(q % width) <= 2;
+            let near_by: Vec<f64> =
+                (0..map.len()).filter(within).map(|q| map[q]).filter(|x| x.is_finite()).collect();
+            let n = near_by.len() as f64;
+            let expected = (map[p] - near_by.iter().sum::<f64>() / n) * (n / (n - 1.0)).sqrt();
+            let expected = if n < 2.0 { f64::NAN } else { expected };
+            assert!(near(found, expected), "{width}x{height}, pixel {p}: {found}, {expected}");
+        }
+    }
+}
+
+#[test]
+fn lines_and_correlations_leave_missing_pixels_out() {
+    for (width, height) in [(9, 8), (4, 11), (23, 2)] {
+        let map = with_gaps(width, height);
+        let mean = |pixels: &mut dyn Iterator<Item = usize>| Estimate::mean(pixels.map(|p| map[p])).value;
+        let lines = line_structure(&map, width);
+        for (r, found) in lines.rows.iter().enumerate() {
+            assert!(near(*found, mean(&mut (r * width..(r + 1) * width))), "row {r}");
+        }
+        for (c, found) in lines.columns.iter().enumerate() {
+            assert!(near(*found, mean(&mut (c..map.len()).step_by(width))), "column {c}");
+        }
+        let all = Estimate::mean(map.iter().copied());
+        let variance = all.error * all.error * all.samples as f64;
+        let rho = map_correlations(&map, width);
+        let shifts = [(0, 1), (1, 0), (1, 1), (1, -1)];
+        for (found, (down, right)) in
+            [rho.right, rho.lower, rho.diagonal, rho.antidiagonal].into_iter().zip(shifts)
+        {
+            let product = |p: usize| {
+                let column = (p % width).checked_add_signed(right).filter(|c| *c < width)?;
+                let other = map.get((p / width + down) * width + column)?;
+                Some((map[p] - all.value) * (other - all.value)).filter(|x| x.is_finite())
+            };
+            let expected = Estimate::mean((0..map.len()).filter_map(product));
+            assert_eq!(found.samples, expected.samples);
+            assert!(near(found.value, expected.value / variance), "{down}, {right}: {found:?}");
+        }
+    }
+}
+
+#[test]
+fn row_and_column_patterns_are_measured_apart() {
+    // Columns alternate by +-1 %: after the high-pass along the line (box of 5, scaled),
+    // an alternation keeps (1 -+ 1/5)-fold, rms sqrt(0.96 + ...)= 1.07 of it or less.
+    let map = shaped(&white(0.02, 3), |_, c| if c % 2 == 0 { 1.01 } else { 0.99 });
+    let lines = line_structure(&map, SIDE);
+    assert!((0.008..0.012).contains(&lines.column_sd.value), "{:?}", lines.column_sd);
+    // Means of 96 pixels of sd 0.02 vary by 0.002; its share that is left is below half.
+    assert!(lines.row_sd.value < 0.001, "{:?}", lines.row_sd);
+    assert!((lines.columns[0] - lines.columns[1] - 0.02).abs() < 4.0 * 0.003);
+    assert_eq!((lines.rows.len(), lines.columns.len()), (SIDE, SIDE));
+}
+
+#[test]
+fn correlations_of_a_smoothed_map_are_those_of_its_kernel() {
+    // Mean of a pixel and its right neighbour: correlation 1/2 to the right, 0 elsewhere.
+    let noise = white(1.0, 4);
+    let map: Vec<f64> = (0..noise.len())
+        .map(|p| if p % SIDE + 1 < SIDE { noise[p] + noise[p + 1] } else { f64::NAN })
+        .collect();
+    let found = map_correlations(&map, SIDE);
+    assert!((found.right.value - 0.5).abs() < 5.0 * found.right.error, "{found:?}");
+    // Correlated maps have errors up to sqrt(1.5) of the white ones.
+    assert!(found.lower.sigmas_from(0.0).abs() < 5.0, "{found:?}");
+    let white = map_correlations(&noise, SIDE);
+    for rho in [white.right, white.lower, white.diagonal, white.antidiagonal] {
+        assert!(rho.sigmas_from(0.0).abs() < 4.0, "{rho:?}");
+    }
+    let diagonal: Vec<f64> =
+        (0..noise.len()).map(|p| noise[p] + if p > SIDE { noise[p - SIDE - 1] } else { 0.0 }).collect();
+    let found = map_correlations(&diagonal, SIDE);
+    assert!((found.diagonal.value - 0.5).abs() < 0.05 && found.antidiagonal.value.abs() < 0.05);
+}
+
+#[test]
+fn even_areas_are_selected_and_edges_are_not() {
+    let map: Vec<f64> = (0..SIDE * SIDE).map(|p| if p % SIDE < 40 { 0.2 } else { 0.5 }).collect();
+    assert_eq!(select_rate(&map, &(0.1..0.3)).len(), 40 * SIDE);
+    let even = select_smooth(&map, SIDE, &(0.1..0.3), 2, 0.05);
+    // A box that reaches one column over the edge has a fifth of other pixels: its median
+    // and median deviation are still those of the area; three fifths tip it.
+    assert_eq!(even.len(), 40 * SIDE);
+    // A spread of 10 % is not even, whatever the pixels' median.
+    let rough: Vec<f64> = white(0.1, 9).iter().map(|x| 0.2 * x).collect();
+    assert!(select_smooth(&rough, SIDE, &(0.1..0.3), 2, 0.05).len() < SIDE);
+}
+
+#[test]
+fn bright_border_lines_are_measured() {
+    let map = shaped(&white(0.02, 5), |r, c| match (r, c) {
+        (_, 0) => 1.15,
+        (r, _) if r == SIDE - 1 => 0.9,
+        _ => 1.0,
+    });
+    let [first, last, top, bottom] = borders(&map, SIDE);
+    assert!(first.sigmas_from(0.15).abs() < 4.0 && first.error < 0.005, "{first:?}");
+    assert!(bottom.sigmas_from(-0.1).abs() < 4.5, "{bottom:?}");
+    assert!(last.sigmas_from(0.0).abs() < 4.0 && top.sigmas_from(0.0).abs() < 4.0);
+}
+
+#[test]
+fn a_summary_finds_what_was_put_in() {
+    // Dark: 0.01 with 20 % spread; flat: 0.2 more with 2 % spread; defects in known places.
+    let pixels = SIDE * SIDE;
+    let dark: Vec<f64> = white(0.2, 6).iter().map(|x| 0.01 * x).collect();
+    let mut flat: Vec<f64> = white(0.02, 7).iter().zip(&dark).map(|(x, d)| 0.2 * x + d).collect();
+    flat[1000] = 0.0;
+    flat[2000] = 1.0;
+    flat[3000] = 0.4;
+    flat[4000] = 0.1;
+    let measure = |rates: &[f64], readouts| {
+        let stream = Stream::integrators(96, 96, readouts, rates, 8);
+        summarise(&stream.measure(&MeasureOptions::default(), &[])).unwrap()
+    };
+    let (dark, flat) = (measure(&dark, 6000), measure(&flat, 2000));
+    let found = &flat.defects;
+    assert_eq!((&found.dead, &found.stuck), (&vec![1000], &vec![2000]));
+    assert_eq!((&found.hot, &found.weak), (&vec![3000], &vec![4000]));
+    assert_eq!(dark.defects.count(), 0);
+    assert!((flat.signal.value - 0.21).abs() < 4.0 * flat.signal.error);
+    let (dsnu, prnu) = dsnu_prnu(&dark, &flat);
+    assert!(dsnu.sigmas_from(0.002).abs() < 4.0, "{dsnu:?}");
+    assert!(prnu.sigmas_from(0.02).abs() < 4.0, "{prnu:?}");
+    assert!(prnu.error < 0.02 * 0.02 && dsnu.samples == pixels);
+    assert!(flat.phase_noise.unwrap().per_spike.value.abs() < 1e-3);
+    // Phase error: 0.41 f / T.
+    assert!((flat.temporal_of_rate / (0.41 * 0.21 / 2000.0) - 1.0).abs() < 0.1);
+}
+
+#[test]
+fn a_band_cannot_be_summarised() {
+    let stream = Stream::bernoulli(8, 8, 20, &[0.5; 64], 1);
+    let band = MeasureOptions::default().with_rows(Some(0..4)).with_frames(false);
+    let error = summarise(&stream.measure(&band, &[])).unwrap_err();
+    assert!(error.to_string().contains("rows 0..4"));
+}
+
+#[test]
+fn the_spectrum_holds_the_variance_and_shows_a_line() {
+    use spikelane_measure::spectrum;
+    // White totals of variance 100 on uniform noise, and a sine of amplitude 5 at 1/50.
+    let mut random = Pcg64Mcg::seed_from_u64(11);
+    let totals: Vec<u32> = (0..40_000)
+        .map(|t| {
+            let sine = 5.0 * (std::f64::consts::TAU * f64::from(t) / 50.0).sin();
+            (1000.5 + sine + 1200.0_f64.sqrt() * (uniform(&mut random) - 0.5)) as u32
+        })
+        .collect();
+    let found = spectrum(&totals, 1000).unwrap();
+    assert_eq!((found.segments, found.power.len()), (79, 501));
+    // 100 + 12.5 (and 1/12 by rounding); 79 segments of 500 bins: below 1 %.
+    let all: f64 = found.power[1..].iter().sum();
+    assert!((all / 112.6 - 1.0).abs() < 0.03, "{all}");
+    let lines = found.lines(8.0);
+    assert_eq!(lines[0].frequency, 0.02);
+    // A Hann window leaves two thirds of a line in its bin: 8.33, and 0.3 of noise.
+    assert!((lines[0].power - 8.5).abs() < 0.6, "{:?}", lines[0]);
+    assert!(lines.iter().all(|l| (l.frequency - 0.02).abs() < 0.0021));
+    // White noise has a tenth of its variance below a tenth of the band.
+    assert!((found.low_share(0.05) - (12.5 + 10.0) / 112.5).abs() < 0.02);
+    assert!(spectrum(&totals, 7).is_err() && spectrum(&totals[..10], 16).is_err());
+}

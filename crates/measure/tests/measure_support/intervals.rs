@@ -1,0 +1,144 @@
+//! Interval statistics from lists of spike times, as they are defined.
+
+use super::{Stream, mean};
+use spikelane_measure::{MeasureOptions, Statistics};
+
+fn lengths(times: &[u32]) -> Vec<u32> {
+    times.windows(2).map(|w| w[1] - w[0]).collect()
+}
+
+fn close(found: f64, expected: f64, what: &str) {
+    let same =
+        (found.is_nan() && expected.is_nan()) || (found - expected).abs() <= 1e-9 * (1.0 + expected.abs());
+    assert!(same, "{what}: found {found}, expected {expected}");
+}
+
+/// `D(n)` of a pixel as its definition reads.
+pub(crate) fn lag_variance(times: &[u32], lag: usize) -> f64 {
+    if times.len() <= lag {
+        return f64::NAN;
+    }
+    let m = f64::from(times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
+    let spans = times.windows(lag + 1).map(|w| f64::from(w[lag] - w[0]));
+    let squares: Vec<f64> = spans.map(|d| (d - lag as f64 * m).powi(2)).collect();
+    mean(&squares)
+}
+
+fn autocovariance(x: &[u32], apart: usize) -> f64 {
+    if x.len() <= apart {
+        return f64::NAN;
+    }
+    let m = x.iter().sum::<u32>() as f64 / x.len() as f64;
+    let of = |w: &[u32]| (f64::from(w[0]) - m) * (f64::from(w[apart]) - m);
+    mean(&x.windows(apart + 1).map(of).collect::<Vec<_>>())
+}
+
+fn half(times: &[u32]) -> (f64, f64) {
+    let x = lengths(times);
+    if x.is_empty() {
+        return (f64::NAN, f64::NAN);
+    }
+    let m = x.iter().sum::<u32>() as f64 / x.len() as f64;
+    let squares: Vec<f64> = x.iter().map(|x| (f64::from(*x) - m).powi(2)).collect();
+    (1.0 / m, mean(&squares))
+}
+
+impl Stream {
+    /// Compares all interval statistics with their definitions.
+    pub(crate) fn check_intervals(&self, statistics: &Statistics, options: &MeasureOptions) {
+        let intervals = statistics.intervals.as_ref().unwrap();
+        let maps: Vec<Vec<f64>> =
+            intervals.lags().iter().map(|lag| intervals.lag_variance_map(*lag)).collect();
+        let autos = [1, 2].map(|apart| intervals.autocovariance_map(apart));
+        let mut histogram = vec![0; options.longest_bin as usize + 2];
+        for p in 0..self.pixels() {
+            let times = self.times(p);
+            let x = lengths(&times);
+            self.check_pixel(&intervals.pixel(p), &x);
+            for (lag, map) in intervals.lags().iter().zip(&maps) {
+                close(map[p], lag_variance(&times, *lag as usize), "D(n)");
+            }
+            for apart in [1, 2] {
+                close(autos[apart - 1][p], autocovariance(&x, apart), "autocovariance");
+            }
+            for x in x {
+                histogram[x.min(options.longest_bin + 1) as usize] += 1;
+            }
+        }
+        assert_eq!(intervals.lengths().counts(), histogram);
+        self.check_split(intervals, options);
+        self.check_deviations(intervals);
+    }
+
+    fn check_pixel(&self, view: &spikelane_measure::PixelIntervals, x: &[u32]) {
+        let n = x.len();
+        assert_eq!(view.intervals as usize, n);
+        let sum: u64 = x.iter().map(|x| u64::from(*x)).sum();
+        assert_eq!(view.sum, sum);
+        assert_eq!(view.sum_squares, x.iter().map(|x| u64::from(*x).pow(2)).sum::<u64>());
+        let extremes = x.iter().min().copied().zip(x.iter().max().copied());
+        assert_eq!(view.extremes, extremes);
+        let judged = (n >= 16).then(|| f64::from(x[..16].iter().sum::<u32>()) / 16.0);
+        let expected = judged.map(|m| {
+            // In integers, as 0.6 m has no exact floating-point value.
+            let sixteen = (m * 16.0) as u32;
+            let short = x.iter().filter(|x| **x * 160 < 6 * sixteen).count() as u32;
+            let long = x.iter().filter(|x| **x * 160 > 16 * sixteen).count() as u32;
+            (short, long)
+        });
+        assert_eq!(view.short_and_long, expected);
+        if let Some(reference) = judged {
+            let (floor, ceil) = (sum / n as u64, sum.div_ceil(n as u64));
+            let off = x.iter().filter(|x| !(floor..=ceil).contains(&u64::from(**x))).count();
+            if let Some(found) = view.off_lattice {
+                assert_eq!(found as usize, off);
+            } else {
+                // It must be there whenever the mean has not moved far.
+                assert!((sum as f64 / n as f64 - reference).abs() > 1.4);
+            }
+        } else {
+            assert_eq!(view.off_lattice, None);
+        }
+    }
+
+    fn check_split(&self, intervals: &spikelane_measure::Intervals, options: &MeasureOptions) {
+        let reached = options.split.filter(|s| *s as usize <= self.frames.len());
+        let Some((split, halves)) = reached.zip(intervals.halves()) else {
+            assert!(intervals.halves().is_none());
+            return;
+        };
+        for p in 0..self.pixels() {
+            let times = self.times(p);
+            let early = times.iter().filter(|t| **t < split).count();
+            let first = half(&times[..early]);
+            let second = half(&times[early.saturating_sub(1)..]);
+            close(halves.rate[0][p], first.0, "first rate");
+            close(halves.variance[0][p], first.1, "first variance");
+            close(halves.rate[1][p], second.0, "second rate");
+            close(halves.variance[1][p], second.1, "second variance");
+        }
+    }
+
+    fn check_deviations(&self, intervals: &spikelane_measure::Intervals) {
+        let mut sums = vec![(0.0, 0_u32); self.frames.len()];
+        for p in 0..self.pixels() {
+            let times = self.times(p);
+            if times.len() > 17 {
+                let m = f64::from(times[16] - times[0]) / 16.0;
+                for w in times[16..].windows(2) {
+                    let readout = &mut sums[w[1] as usize];
+                    *readout = (readout.0 + f64::from(w[1] - w[0]) - m, readout.1 + 1);
+                }
+            }
+        }
+        let n: u32 = sums.iter().map(|s| s.1).sum();
+        let overall = sums.iter().map(|s| s.0).sum::<f64>() / f64::from(n);
+        let found = intervals.deviations(1);
+        let expected: Vec<_> = sums.iter().enumerate().filter(|(_, s)| s.1 > 0).collect();
+        assert_eq!(found.len(), expected.len());
+        for (d, (readout, (sum, n))) in found.iter().zip(expected) {
+            assert_eq!((d.readout as usize, d.intervals), (readout, *n));
+            close(d.mean, sum / f64::from(*n) - overall, "deviation");
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! The road: a smooth plane curve that everything else is placed along.
+//!
+//! Its heading is a short sum of sines of the arc length, so that position,
+//! heading and curvature are smooth and the curve never meets itself: the
+//! heading stays within 40 degrees of the x axis, and x grows with s.
+
+use glam::{DVec2, Vec3};
+
+use crate::random::Draws;
+
+/// Half the length of the table's step would still be exact to 1e-9 m.
+const STEP_M: f64 = 1.0;
+/// The width of one driving lane.
+pub(crate) const LANE_M: f64 = 3.5;
+
+/// A driving road seen from above: arc length `s`, offset `d` to the left.
+#[derive(Clone, Debug)]
+pub(crate) struct Road {
+    waves: [(f64, f64, f64); 3],
+    start_s: f64,
+    points: Vec<DVec2>,
+    /// Lanes in each direction.
+    pub lanes: usize,
+    /// Width of the strip for parked cars at either side, or zero.
+    pub parking_m: f64,
+    /// +1 where one drives on the right, -1 on the left.
+    pub hand: f64,
+    /// Width of the pavement at either side.
+    pub pavement_m: f64,
+    /// Centres of the crossings with side streets, ascending.
+    pub junctions: Vec<Junction>,
+}
+
+/// A side street that crosses the road at a right angle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Junction {
+    /// Where its centre line crosses the road.
+    pub s: f64,
+    /// Half the width of its carriageway.
+    pub half_m: f64,
+}
+
+impl Road {
+    /// A road over `[start_s, end_s]`, in a style drawn from `seed`.
+    pub(crate) fn random(seed: u64, start_s: f64, end_s: f64, tunnel: bool) -> Self {
+        let draws = Draws::new(seed, "road");
+        let bend = if tunnel { 0.25 } else { 1.0 };
+        let wave = |i: u64, amplitude: f64, length: (f64, f64)| {
+            let amplitude = amplitude * bend * draws.range(i, 0.3, 1.0);
+            let length = draws.range(i + 10, length.0, length.1);
+            (amplitude, std::f64::consts::TAU / length, draws.range(i + 20, 0.0, std::f64::consts::TAU))
+        };
+        let mut road = Self {
+            waves: [
+                wave(0, 0.30, (700.0, 1100.0)),
+                wave(1, 0.16, (320.0, 520.0)),
+                wave(2, 0.05, (170.0, 240.0)),
+            ],
+            start_s,
+            points: Vec::new(),
+            lanes: 1 + draws.pick(30, 3).min(1) + usize::from(draws.chance(31, 0.2)),
+            parking_m: if !tunnel && draws.chance(32, 0.7) { 2.4 } else { 0.0 },
+            hand: if draws.chance(33, 0.8) { 1.0 } else { -1.0 },
+            pavement_m: if tunnel { 1.2 } else { draws.range(34, 3.2, 5.0) },
+            junctions: Vec::new(),
+        };
+        road.lanes = road.lanes.min(2);
+        road.integrate(end_s);
+        if !tunnel {
+            road.place_junctions(draws, start_s, end_s);
+        }
+        road
+    }
+
+    fn integrate(&mut self, end_s: f64) {
+        let count = ((end_s - self.start_s) / STEP_M).ceil() as usize + 2;
+        let mut at = DVec2::new(self.start_s, 0.0);
+        self.points.push(at);
+        for i in 0..count {
+            let s = self.start_s + i as f64 * STEP_M;
+            // Simpson's rule over one step.
+            let unit = |s: f64| self.tangent(s);
+            at += (unit(s) + 4.0 * unit(s + 0.5 * STEP_M) + unit(s + STEP_M)) * (STEP_M / 6.0);
+            self.points.push(at);
+        }
+    }
+
+    fn place_junctions(&mut self, draws: Draws, start_s: f64, end_s: f64) {
+        let mut s = start_s + draws.range(40, 40.0, 110.0);
+        let mut i = 0;
+        while s < end_s - 30.0 {
+            self.junctions.push(Junction { s, half_m: draws.of(i).range(0, 3.2, 5.5) });
+            s += draws.of(i).range(1, 75.0, 150.0);
+            i += 1;
+        }
+    }
+
+    /// Heading in radians from the x axis, counter-clockwise.
+    pub(crate) fn heading(&self, s: f64) -> f64 {
+        self.waves.iter().map(|&(a, k, p)| a * libm::sin(k * s + p)).sum()
+    }
+
+    /// Change of heading per metre.
+    pub(crate) fn curvature(&self, s: f64) -> f64 {
+        self.waves.iter().map(|&(a, k, p)| a * k * libm::cos(k * s + p)).sum()
+    }
+
+    /// Unit vector along the road.
+    pub(crate) fn tangent(&self, s: f64) -> DVec2 {
+        let h = self.heading(s);
+        DVec2::new(libm::cos(h), libm::sin(h))
+    }
+
+    /// The point at arc length `s` and `d` metres to the left.
+    pub(crate) fn point(&self, s: f64, d: f64) -> DVec2 {
+        let x = ((s - self.start_s) / STEP_M).clamp(0.0, (self.points.len() - 2) as f64);
+        let i = x as usize;
+        let s0 = self.start_s + i as f64 * STEP_M;
+        let (t, h) = ((s - s0) / STEP_M, STEP_M);
+        let (p0, p1) = (self.points[i], self.points[i + 1]);
+        let (m0, m1) = (self.tangent(s0) * h, self.tangent(s0 + h) * h);
+        let (t2, t3) = (t * t, t * t * t);
+        let on = p0 * (2.0 * t3 - 3.0 * t2 + 1.0)
+            + m0 * (t3 - 2.0 * t2 + t)
+            + p1 * (3.0 * t2 - 2.0 * t3)
+            + m1 * (t3 - t2);
+        on + self.tangent(s).perp() * d
+    }
+
+    /// The same point at height `z`, in single precision.
+    pub(crate) fn place(&self, s: f64, d: f64, z: f64) -> Vec3 {
+        let p = self.point(s, d);
+        Vec3::new(p.x as f32, p.y as f32, z as f32)
+    }
+
+    /// Arc length and offset of a world point near the road.
+    pub(crate) fn locate(&self, x: f32, y: f32) -> (f64, f64) {
+        let p = DVec2::new(f64::from(x), f64::from(y));
+        let mut s = p.x;
+        for _ in 0..4 {
+            s += (p - self.point(s, 0.0)).dot(self.tangent(s));
+        }
+        (s, (p - self.point(s, 0.0)).dot(self.tangent(s).perp()))
+    }
+
+    /// Half the carriageway: lanes and parking strip.
+    pub(crate) fn half_m(&self) -> f64 {
+        self.lanes as f64 * LANE_M + self.parking_m
+    }
+
+    /// The offset of the middle of `lane` (0 next to the centre line).
+    pub(crate) fn lane_d(&self, lane: usize, forward: bool) -> f64 {
+        let d = (lane as f64 + 0.5) * LANE_M * self.hand;
+        if forward { -d } else { d }
+    }
+
+    /// True within `margin` of a side street's carriageway.
+    pub(crate) fn in_junction(&self, s: f64, margin: f64) -> bool {
+        self.junctions.iter().any(|j| (s - j.s).abs() < j.half_m + margin)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Road;
+
+    #[test]
+    fn locate_inverts_point() {
+        let road = Road::random(3, -50.0, 600.0, false);
+        for (s, d) in [(0.0, 0.0), (120.0, 6.0), (333.3, -11.0), (590.0, 20.0)] {
+            let p = road.point(s, d);
+            let (s2, d2) = road.locate(p.x as f32, p.y as f32);
+            // A single-precision coordinate below 1024 m is good to 6e-5 m.
+            assert!((s - s2).abs() < 1e-3 && (d - d2).abs() < 1e-3, "{s} {s2} {d} {d2}");
+        }
+    }
+}

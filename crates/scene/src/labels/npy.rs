@@ -1,0 +1,84 @@
+//! NumPy arrays, version 1.0, little-endian, C order.
+
+use spikelane::error::Result;
+use spikelane::unstable::npy::{self, Element};
+use crate::drawing::picture::Labels;
+use crate::truth::flow::Flow;
+
+fn array<const N: usize>(
+    element: Element,
+    shape: &[usize],
+    values: impl ExactSizeIterator<Item = [u8; N]>,
+) -> Result<Vec<u8>> {
+    let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
+    npy::to_bytes(element, &shape, values)
+}
+
+/// Depth in metres as `f32` of shape (height, width), 0 where there is none: in the sky, which [`Labels`] have at infinity. So do KITTI's
+/// depth maps, and a loader's mask `depth > 0` takes both.
+///
+/// # Errors
+/// When the depths do not match the size.
+pub fn npy_depth(labels: &Labels) -> Result<Vec<u8>> {
+    let near = |d: &f32| if d.is_finite() { *d } else { 0.0 };
+    let depth: Vec<f32> = labels.depth_m.iter().map(near).collect();
+    npy_f32(&[labels.height, labels.width], &depth)
+}
+
+/// An array of `f32`.
+///
+/// # Errors
+/// When the shape does not hold the data.
+pub fn npy_f32(shape: &[usize], data: &[f32]) -> Result<Vec<u8>> {
+    array(Element::F32, shape, data.iter().map(|v| v.to_le_bytes()))
+}
+
+/// An array of `u32` (instances).
+///
+/// # Errors
+/// When the shape does not hold the data.
+pub fn npy_u32(shape: &[usize], data: &[u32]) -> Result<Vec<u8>> {
+    array(Element::U32, shape, data.iter().map(|v| v.to_le_bytes()))
+}
+
+/// An array of `u8` (semantics).
+///
+/// # Errors
+/// When the shape does not hold the data.
+pub fn npy_u8(shape: &[usize], data: &[u8]) -> Result<Vec<u8>> {
+    array(Element::U8, shape, data.iter().map(|&v| [v]))
+}
+
+/// An array of `bool` (occlusion).
+///
+/// # Errors
+/// When the shape does not hold the data.
+pub fn npy_bool(shape: &[usize], data: &[bool]) -> Result<Vec<u8>> {
+    array(Element::Bool, shape, data.iter().map(|&v| [u8::from(v)]))
+}
+
+/// Flow as `f32` of shape (height, width, 2), dx before dy.
+///
+/// # Errors
+/// When the flow's fields do not match its size.
+pub fn npy_flow(flow: &Flow) -> Result<Vec<u8>> {
+    let both: Vec<f32> = flow.dx.iter().zip(&flow.dy).flat_map(|(x, y)| [*x, *y]).collect();
+    npy_f32(&[flow.height, flow.width, 2], &both)
+}
+
+#[cfg(test)]
+mod tests {
+    use spikelane::unstable::npy::{Element, read_values};
+
+    #[test]
+    fn a_reader_of_the_format_reads_it_back() {
+        let data = [1.5f32, -2.0, f32::INFINITY, 0.0, 3.0, 4.0];
+        let bytes = super::npy_f32(&[2, 3], &data).unwrap();
+        let (header, values) = read_values("a", &bytes).unwrap();
+        assert_eq!((&header.shape[..], header.element), (&[2, 3][..], Element::F32));
+        assert_eq!(values, data.map(f64::from));
+        let one = super::npy_bool(&[2], &[true, false]).unwrap();
+        let (header, values) = read_values("a", &one).unwrap();
+        assert_eq!((header.element, values), (Element::Bool, vec![1.0, 0.0]));
+    }
+}

@@ -1,0 +1,5 @@
+//! Scenes and their labels.
+
+mod boxes;
+mod flow;
+mod render;

@@ -1,7 +1,0 @@
-//! The `spikelane` program.
-
-use std::process::ExitCode;
-
-fn main() -> ExitCode {
-    ExitCode::from(spikelane::cli::main(std::env::args_os()))
-}

@@ -1,8 +1,0 @@
-//! Data sets.
-
-mod asked;
-mod hostile;
-mod make;
-mod strangers;
-mod truth;
-mod views;
