@@ -1,8 +1,6 @@
 //! Every video and every folder of images below a folder.
 
-use std::ffi::OsStr;
 use std::fs;
-use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Component, Path, PathBuf};
 
 use crate::Inputs;
@@ -162,33 +160,6 @@ enum What {
     Other,
 }
 
-/// The names of one folder, end to end: a million of them take little more than their letters.
-#[derive(Default)]
-struct Names {
-    letters: Vec<u8>,
-    places: Vec<(usize, u32, bool)>,
-}
-
-impl Names {
-    fn push(&mut self, name: &OsStr, folder: bool) {
-        let bytes = name.as_bytes();
-        // A name has at most 255 bytes.
-        self.places.push((self.letters.len(), bytes.len() as u32, folder));
-        self.letters.extend_from_slice(bytes);
-    }
-
-    fn sorted(mut self) -> Self {
-        let letters = &self.letters;
-        self.places.sort_unstable_by_key(|&(at, len, _)| &letters[at..at + len as usize]);
-        self
-    }
-
-    fn iter(&self) -> impl Iterator<Item = (&OsStr, bool)> {
-        let name = |at: usize, len: u32| OsStr::from_bytes(&self.letters[at..at + len as usize]);
-        self.places.iter().map(move |&(at, len, folder)| (name(at, len), folder))
-    }
-}
-
 fn walk(folder: &Path, except: &Path, tell: &mut dyn FnMut(PathBuf, What) -> Result<()>) -> Result<()> {
     let except = fs::canonicalize(except).ok();
     walk_below(folder, Path::new(""), except.as_deref(), tell)
@@ -203,21 +174,21 @@ fn walk_below(
     let folder = root.join(below);
     let refused = |e| Error::io(folder.display(), e);
     let (mut pictures, mut one) = (0u64, None);
-    let mut names = Names::default();
+    let mut names = Vec::new();
     for entry in fs::read_dir(&folder).map_err(refused)? {
         let entry = entry.map_err(refused)?;
         let (name, kind) = (entry.file_name(), entry.file_type().map_err(refused)?);
         let path = Path::new(&name);
-        if name.as_bytes().starts_with(b".") {
+        if name.as_encoded_bytes().starts_with(b".") {
             continue;
         }
         if kind.is_dir() {
-            names.push(&name, true);
+            names.push((name, true));
         } else if picture::is_picture(path) {
             pictures += 1;
             one.get_or_insert(name);
         } else if is_moving(path) {
-            names.push(&name, false);
+            names.push((name, false));
         } else if name != TIMES {
             tell(below.join(&name), What::Other)?;
         }
@@ -227,8 +198,9 @@ fn walk_below(
         (0, _) => {}
         _ => tell(below.to_owned(), What::Input(Some(pictures)))?,
     }
-    for (name, is_folder) in names.sorted().iter() {
-        let path = below.join(name);
+    names.sort_unstable();
+    for (name, is_folder) in names {
+        let path = below.join(&name);
         if !is_folder {
             tell(path, What::Input(None))?;
         } else if except.is_none() || fs::canonicalize(root.join(&path)).ok().as_deref() != except {

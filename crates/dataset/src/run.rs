@@ -136,8 +136,7 @@ pub fn make(options: &DatasetOptions, watch: &mut dyn FnMut(Progress<'_>) -> Res
     let _claim = OutputSet::claim_folder(&options.output)?;
     let mut manifest = plan(options)?;
     let needed = estimate(options)?.bytes;
-    let free = storage::free_space(&options.output)?;
-    if needed > free {
+    if let Some(free) = storage::free_space(&options.output)?.filter(|&free| needed > free) {
         return Err(Error::new(Kind::Space, options.output.display())
             .found(format_args!("{free} bytes free"))
             .expected(format_args!("about {needed}"))

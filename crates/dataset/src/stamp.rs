@@ -1,8 +1,8 @@
 //! How an input or a file is known again: by size and time, or by its digest.
 
 use std::fs;
-use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
 
 use serde::{Deserialize, Serialize};
 
@@ -53,7 +53,13 @@ impl Stamp {
     /// The stamp of a file.
     #[must_use]
     pub fn of(found: &fs::Metadata) -> Self {
-        let time_ns = found.mtime().saturating_mul(1_000_000_000).saturating_add(found.mtime_nsec());
+        // Every system that the library builds for has the time; a file from before 1970 counts backwards.
+        let nanoseconds = |d: std::time::Duration| i64::try_from(d.as_nanos()).unwrap_or(i64::MAX);
+        let time_ns = match found.modified().map(|time| time.duration_since(UNIX_EPOCH)) {
+            Ok(Ok(after)) => nanoseconds(after),
+            Ok(Err(before)) => -nanoseconds(before.duration()),
+            Err(_) => 0,
+        };
         Self { bytes: found.len(), time_ns }
     }
 }

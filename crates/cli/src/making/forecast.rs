@@ -16,13 +16,13 @@ use spikelane::unstable::inputs;
 const TRIAL_S: f64 = 0.3;
 
 /// Tells what the run would take.
-pub(crate) fn forecast(clean: bool, job: &Run, mut light: Light, free: u64, out: &Out) -> Result<()> {
+pub(crate) fn forecast(clean: bool, job: &Run, mut light: Light, free: Option<u64>, out: &Out) -> Result<()> {
     let frames = light.source.announced_frames();
     let readouts = job.expected(frames).or(job.readouts);
     let streams = 1 + u64::from(clean);
     let (frame_s, readout_s) = (frame_seconds(&mut light)?, readout_seconds(job)? * streams as f64);
     let about = format!("{}; light: {}", light.source.describe(), light.source.front_end());
-    let space = format!("{} free on the disk", DecimalBytes(free));
+    let space = free.map_or("free space unknown".to_owned(), |free| format!("{} free on the disk", DecimalBytes(free)));
     let Some(readouts) = readouts else {
         let bytes = job.layout.file_bytes(job.camera.sensor.geometry, 1_000_000)?.saturating_mul(streams);
         let event = json!({"event": "dry-run", "free_bytes": free, "seconds_per_readout": readout_s,

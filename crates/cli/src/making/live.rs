@@ -222,8 +222,10 @@ fn sink(
 
 /// Standard output without the buffer that looks for ends of lines.
 fn stdout() -> Result<File> {
-    use std::os::fd::AsFd as _;
-    let own = std::io::stdout().as_fd().try_clone_to_owned();
+    #[cfg(unix)]
+    let own = std::os::fd::AsFd::as_fd(&std::io::stdout()).try_clone_to_owned();
+    #[cfg(windows)]
+    let own = std::os::windows::io::AsHandle::as_handle(&std::io::stdout()).try_clone_to_owned();
     own.map(File::from).map_err(|e| Error::io("standard output", e))
 }
 
@@ -243,6 +245,16 @@ fn shm(name: &str) -> Result<PathBuf> {
 }
 
 /// A FIFO, once somebody reads it.
+#[cfg(not(unix))]
+fn fifo(path: &Path, _: &Stop) -> Result<Option<File>> {
+    Err(Error::new(Kind::Usage, path.display())
+        .found("a FIFO, which this system does not have")
+        .expected("standard output, a socket or a ring")
+        .remedy("give 'tcp:ADDRESS' to a reader on this machine"))
+}
+
+/// A FIFO, once somebody reads it.
+#[cfg(unix)]
 fn fifo(path: &Path, stop: &Stop) -> Result<Option<File>> {
     use rustix::fs::OFlags;
     use std::os::unix::fs::{FileTypeExt as _, OpenOptionsExt as _};

@@ -105,10 +105,12 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     if args.dry_run {
         return forecast::forecast(args.clean, &job, light, free, out);
     }
-    if needed.is_some_and(|needed| needed > free) {
+    if let (Some(needed), Some(free)) = (needed, free)
+        && needed > free
+    {
         return Err(Error::new(Kind::Space, names.noisy.display())
             .found(format_args!("{} free on the disk", DecimalBytes(free)))
-            .expected(format_args!("{} for the streams", DecimalBytes(needed.unwrap_or(0))))
+            .expected(format_args!("{} for the streams", DecimalBytes(needed)))
             .remedy("free some space, choose another disk, or give fewer --readouts"));
     }
     simulate(args, &job, light, stop, &names, out)

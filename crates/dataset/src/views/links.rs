@@ -2,14 +2,13 @@
 
 use std::fs;
 use std::io::Write as _;
-use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 use crate::{DatasetOptions, Entry, Split};
 use spikelane::error::{Error, Result};
 use spikelane::unstable::inputs::{InnerPath, PlainName, read_bytes};
 use spikelane_io::simulate::{Sidecar, StreamFacts};
-use spikelane_io::storage::{steps, trees};
+use spikelane_io::storage::{same_file, steps, trees};
 
 /// What a sequence becomes for loaders, in the folder of its split.
 fn in_split(id: &PlainName) -> [InnerPath; 8] {
@@ -132,6 +131,8 @@ fn hidden(path: &Path) -> PathBuf {
 
 /// Whether two names are of one file.
 fn same(a: &Path, b: &Path) -> bool {
-    let number = |path: &Path| fs::metadata(path).ok().map(|m| (m.dev(), m.ino()));
-    number(a).is_some_and(|n| Some(n) == number(b))
+    match (fs::metadata(a), fs::metadata(b)) {
+        (Ok(a), Ok(b)) => same_file(&a, &b) == Some(true),
+        _ => false,
+    }
 }

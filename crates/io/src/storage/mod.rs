@@ -10,6 +10,7 @@ mod group;
 mod lock;
 mod outputs;
 mod partial;
+mod platform;
 mod shared;
 mod shortened;
 pub mod steps;
@@ -22,6 +23,7 @@ pub use digest::Digest;
 pub use group::FileGroup;
 pub use outputs::OutputSet;
 pub use partial::Partial;
+pub use platform::same_file;
 pub use shared::Shared;
 pub use words::Words;
 pub use writer::{Finished, Writer};
@@ -68,14 +70,14 @@ pub fn remove_old(path: &Path) -> Result<()> {
     partial::remove_old(path)
 }
 
-/// Bytes that an ordinary user may still write to the disk that holds (or will hold) `path`.
+/// Bytes that an ordinary user may still write to the disk that holds (or will hold) `path`; none where the system cannot tell.
 ///
 /// # Errors
 /// When neither the directory of `path` nor one above it can be asked.
-pub fn free_space(path: &Path) -> Result<u64> {
+pub fn free_space(path: &Path) -> Result<Option<u64>> {
     let mut at = path;
     loop {
-        match writer::free_bytes(at) {
+        match platform::free_bytes(at) {
             Ok(free) => return Ok(free),
             Err(e) => match at.parent() {
                 Some(parent) if !parent.as_os_str().is_empty() => at = parent,

@@ -9,7 +9,8 @@ use memmap2::{MmapOptions, MmapRaw};
 
 use spikelane::error::{Error, Kind, Result};
 use crate::storage::shortened::Watched;
-use crate::storage::writer::{reserve, reserve_error};
+use crate::storage::platform::{reserve, same_file};
+use crate::storage::writer::reserve_error;
 
 /// Bytes of a word.
 const WORD: usize = 8;
@@ -87,14 +88,11 @@ impl Shared {
 
     /// Removes the name of the file, unless it is that of another file meanwhile.
     pub fn remove(&self) {
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::MetadataExt as _;
-            let place = |about: std::fs::Metadata| (about.dev(), about.ino());
-            let named = std::fs::symlink_metadata(&self.path).map(place).ok();
-            if named.is_none() || named != self.file.metadata().map(place).ok() {
-                return;
-            }
+        let (Ok(named), Ok(own)) = (std::fs::symlink_metadata(&self.path), self.file.metadata()) else {
+            return;
+        };
+        if same_file(&named, &own) == Some(false) {
+            return;
         }
         // Somebody else may have removed it already.
         let _ = std::fs::remove_file(&self.path);

@@ -1,18 +1,14 @@
 //! Large files, written through a mapping that moves along.
 #![allow(unsafe_code, reason = "mapping a file is unsafe by its nature")]
 
-use std::fs::File;
-use std::num::NonZeroU64;
-use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use memmap2::{MmapMut, MmapOptions};
-use rustix::fs::{Advice, FallocateFlags};
-use rustix::io::Errno;
 
 use spikelane::error::{Error, Kind, Result};
 use crate::storage::partial::{Partial, directory};
+use crate::storage::platform::{free_bytes, is_in_memory, reserve, write_all_at, write_back};
 
 /// Bytes mapped at once. Large, so that the cost of moving on vanishes; small
 /// beside any memory, since this is all a writer keeps of a file of any length.
@@ -152,7 +148,7 @@ impl Writer {
         if windows(offset + bytes.len() as u64) > windows(offset) {
             self.write_back_before(offset);
         }
-        let written = self.partial.file().write_all_at(bytes, offset);
+        let written = write_all_at(self.partial.file(), bytes, offset);
         written.map_err(|e| Error::io(self.path().display(), e))
     }
 
@@ -204,18 +200,11 @@ impl Writer {
         Ok(Window { map, offset: start })
     }
 
-    /// Starts write-back of the window before `offset`, without waiting for it.
-    ///
-    /// `msync(MS_ASYNC)`, which `flush_async` calls, does nothing on Linux; this advice
-    /// begins to write dirty pages and drops those already clean. One window only: reaching
-    /// further back would drop what was just written, which is read next. For 1.9 GB it
-    /// brought the final sync from 490 ms to 20 ms and took nothing from the writing.
+    /// Starts write-back of the window before `offset`. One window only: reaching further back would drop from memory
+    /// what was just written, which is read next.
     fn write_back_before(&self, offset: u64) {
         let start = offset.saturating_sub(WINDOW as u64);
-        if let Some(len) = NonZeroU64::new(offset - start) {
-            // Advice only: without it the kernel writes back on its own time.
-            let _ = rustix::fs::fadvise(self.partial.file(), start, Some(len), Advice::DontNeed);
-        }
+        write_back(self.partial.file(), start, offset - start);
     }
 }
 
@@ -223,27 +212,6 @@ impl Window {
     fn holds(&self, offset: u64, len: usize) -> bool {
         offset >= self.offset && offset + len as u64 <= self.offset + self.map.len() as u64
     }
-}
-
-/// Whether a file lies in memory, where to reserve a page is to clear it: of 1 GB that is a quarter of a second, before the first byte is
-/// read, for pages that are then written whole.
-fn is_in_memory(file: &File) -> bool {
-    #[cfg(target_os = "linux")]
-    {
-        // From linux/magic.h; the type of `f_type` is another on each architecture.
-        const TMPFS: i128 = 0x0102_1994;
-        rustix::fs::fstatfs(file).is_ok_and(|disk| i128::from(disk.f_type) == TMPFS)
-    }
-    #[cfg(not(target_os = "linux"))]
-    {
-        let _ = file;
-        false
-    }
-}
-
-pub(super) fn free_bytes(path: &Path) -> std::io::Result<u64> {
-    let disk = rustix::fs::statvfs(directory(path))?;
-    Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
 }
 
 fn space(path: &Path, needed: u64, free: u64) -> Error {
@@ -254,68 +222,23 @@ fn space(path: &Path, needed: u64, free: u64) -> Error {
 }
 
 fn check_space(path: &Path, needed: u64) -> Result<()> {
-    let free = free_bytes(path).map_err(|e| Error::io(path.display(), e))?;
-    if needed > free {
-        return Err(space(path, needed, free));
+    match free_bytes(directory(path)).map_err(|e| Error::io(path.display(), e))? {
+        Some(free) if needed > free => Err(space(path, needed, free)),
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 pub(super) fn reserve_error(path: &Path, needed: u64, e: std::io::Error) -> Error {
     let error = Error::io(path.display(), e);
-    match error.kind() {
-        Kind::Space if needed > free_bytes(path).unwrap_or(0) => {
-            space(path, needed, free_bytes(path).unwrap_or(0))
-        }
+    match (error.kind(), free_bytes(directory(path))) {
+        (Kind::Space, Ok(Some(free))) if needed > free => space(path, needed, free),
         _ => error,
     }
-}
-
-/// Makes a file of `from` bytes `to` bytes long, with every block reserved.
-pub(super) fn reserve(file: &File, from: u64, to: u64) -> std::io::Result<()> {
-    if to == from {
-        return Ok(());
-    }
-    loop {
-        match rustix::fs::fallocate(file, FallocateFlags::empty(), from, to - from) {
-            Err(Errno::INTR) => {}
-            Err(Errno::OPNOTSUPP | Errno::NOSYS | Errno::INVAL) => {
-                return reserve_by_writing(file, from, to);
-            }
-            other => return Ok(other?),
-        }
-    }
-}
-
-/// For file systems without `fallocate`. A sparse file (`set_len`) is cheaper, but then
-/// a full disk would show as a fatal signal in the middle of a store.
-fn reserve_by_writing(file: &File, from: u64, to: u64) -> std::io::Result<()> {
-    let zeros = vec![0; 1 << 20];
-    let mut at = from;
-    while at < to {
-        let piece = (to - at).min(zeros.len() as u64);
-        file.write_all_at(&zeros[..piece as usize], at)?;
-        at += piece;
-    }
-    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::os::unix::fs::MetadataExt as _;
-
-    #[test]
-    fn reserving_by_writing_takes_every_block() {
-        let file = tempfile::tempfile().unwrap();
-        let bytes = (3 << 20) + 5;
-        reserve_by_writing(&file, 0, bytes).unwrap();
-        file.sync_all().unwrap();
-        let found = file.metadata().unwrap();
-        assert_eq!(found.len(), bytes);
-        // Blocks of 512 bytes: a sparse file would hold none.
-        assert!(found.blocks() * 512 >= bytes, "{} blocks", found.blocks());
-    }
 
     #[test]
     fn a_file_grows_and_is_cut_without_losing_what_it_holds() {
@@ -350,6 +273,7 @@ mod tests {
     }
 
     /// As in memory, on whatever lies here: blocks beyond the window that is mapped are not taken.
+    #[cfg(unix)]
     #[test]
     fn a_file_that_is_reserved_by_window_holds_what_was_written_and_no_more() {
         let dir = tempfile::tempdir().unwrap();
@@ -360,7 +284,8 @@ mod tests {
         writer.lengthen(bytes).unwrap();
         writer.write_at(5, &[1; 20]).unwrap();
         writer.window(10, 10).unwrap()[..5].fill(2);
-        let taken = 512 * writer.partial.file().metadata().unwrap().blocks();
+        let found = writer.partial.file().metadata().unwrap();
+        let taken = 512 * std::os::unix::fs::MetadataExt::blocks(&found);
         assert!((WINDOW as u64..bytes).contains(&taken), "{taken} bytes taken");
         writer.write_at(bytes - 5, &[3; 5]).unwrap();
         writer.finish().unwrap();
@@ -369,16 +294,6 @@ mod tests {
         let expected = [vec![0; 5], vec![1; 5], vec![2; 5], vec![1; 10], vec![0; 5]].concat();
         assert!(found[..30] == expected && found[bytes as usize - 6..] == [0, 3, 3, 3, 3, 3]);
         assert!(found[30..bytes as usize - 5].iter().all(|b| *b == 0));
-    }
-
-    #[cfg(target_os = "linux")]
-    #[test]
-    fn a_file_of_the_memory_is_known() {
-        let Ok(file) = tempfile::tempfile_in("/dev/shm") else {
-            println!("skipped: no /dev/shm to write to");
-            return;
-        };
-        assert!(is_in_memory(&file));
     }
 
     #[test]
