@@ -190,6 +190,13 @@ fn read_exact_at(file: &File, offset: u64, bytes: &mut [u8]) -> io::Result<()> {
     file.read_exact_at(bytes, offset)
 }
 
+/// WebAssembly has no positioned reads in stable Rust; it has no threads either that could move the position between.
+#[cfg(not(any(unix, windows)))]
+fn read_exact_at(mut file: &File, offset: u64, bytes: &mut [u8]) -> io::Result<()> {
+    file.seek(SeekFrom::Start(offset))?;
+    file.read_exact(bytes)
+}
+
 #[cfg(windows)]
 fn read_exact_at(file: &File, mut offset: u64, mut bytes: &mut [u8]) -> io::Result<()> {
     use std::os::windows::fs::FileExt as _;
