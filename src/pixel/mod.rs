@@ -35,7 +35,7 @@ pub enum Quanta {
 /// One operation that a pixel carries out at readouts. The list is closed: a
 /// new kind of arithmetic is a variant here. The compiler then names the places
 /// in the law, the plan, the reference and the lanes, which all take it apart
-/// without `..`; `docs/history/operations.md` counts them.
+/// without `..`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Op {
     /// The light arrives in quanta; the variance is scaled by `strength`.

@@ -107,6 +107,14 @@ fn one(words: &[String]) -> Result<(), String> {
     }
 }
 
+/// The folders of the workspace's packages, from the root.
+fn packages() -> Vec<String> {
+    let mut all: Vec<String> = [".", "bindings/c", "bindings/python", "studies", "tests/outside_effect"].map(str::to_owned).into();
+    let crates = fs::read_dir(root().join("crates")).unwrap();
+    all.extend(crates.map(|entry| format!("crates/{}", entry.unwrap().file_name().to_string_lossy())));
+    all
+}
+
 /// Whether the shell finds a program of that name.
 pub(crate) fn found(name: &str) -> bool {
     let said = Command::new("sh").args(["-c", "command -v \"$0\"", name]).output();
@@ -162,18 +170,21 @@ fn cargo(words: &[String]) -> Result<(), String> {
     if let Some(flag) = flags(own).find(|flag| !CARGO.contains(flag)) {
         return Err(format!("an unknown flag {flag} of cargo"));
     }
-    // Of another member of the workspace only its manifest is asked.
-    let manifests = ["Cargo.toml", "bindings/c/Cargo.toml"];
-    let manifest: String =
-        manifests.iter().map(|file| fs::read_to_string(root().join(file)).unwrap()).collect();
-    for (flag, folder) in [("--test", "tests"), ("--bench", "benches"), ("--example", "examples")] {
+    for (flag, folder) in
+        [("--test", "tests"), ("--bench", "benches"), ("--example", "examples"), ("--bin", "src/bin")]
+    {
         let Some(name) = of(flag) else { continue };
-        let here = root().join(format!("{folder}/{name}.rs")).is_file();
-        if !here && !manifest.contains(&format!("name = \"{name}\"")) {
+        let here = |package: &String| {
+            let manifest = fs::read_to_string(root().join(package).join("Cargo.toml")).unwrap();
+            let at = |path: String| root().join(package).join(folder).join(path).is_file();
+            at(format!("{name}.rs")) || at(format!("{name}/main.rs")) || manifest.contains(&format!("name = \"{name}\""))
+        };
+        if !packages().iter().any(here) {
             return Err(format!("no {flag} of the name {name}"));
         }
     }
-    match (own.first().map(String::as_str), of("--example"), of("--test")) {
+    let study_of = of("--bin").filter(|name| name.starts_with("study-")).or(of("--example"));
+    match (own.first().map(String::as_str), study_of, of("--test")) {
         (Some("run"), None, _) => program(rest),
         (Some("run"), Some(name), _) => study(name, rest),
         (Some("test"), _, name) => test(name, rest),
@@ -184,7 +195,7 @@ fn cargo(words: &[String]) -> Result<(), String> {
 
 /// The flags of a study are words of its source.
 fn study(name: &str, words: &[String]) -> Result<(), String> {
-    let folder = format!("study/{}", name.strip_prefix("study-").unwrap_or(name));
+    let folder = format!("studies/src/{}", name.strip_prefix("study-").unwrap_or(name));
     let sources = files(&folder).into_iter().chain([format!("examples/{name}.rs")]);
     let text: String = sources.filter_map(|file| fs::read_to_string(root().join(file)).ok()).collect();
     match flags(words).find(|flag| !text.contains(&format!("\"{flag}\""))) {
@@ -200,8 +211,13 @@ fn test(file: Option<&str>, words: &[String]) -> Result<(), String> {
     }
     let Some(file) = file else { return Ok(()) };
     // A binary of tests is a file, or a folder of modules.
-    let one = format!("tests/{file}.rs");
-    let sources = if root().join(&one).exists() { vec![one] } else { files(&format!("tests/{file}")) };
+    let sources: Vec<String> = packages()
+        .iter()
+        .flat_map(|package| {
+            let one = format!("{package}/tests/{file}.rs");
+            if root().join(&one).exists() { vec![one] } else { files(&format!("{package}/tests/{file}")) }
+        })
+        .collect();
     if sources.is_empty() {
         return Err(format!("there are no tests {file}"));
     }
