@@ -8,7 +8,7 @@
 set -euo pipefail
 program=$(realpath "${1:-target/debug/spikelane}")
 python=${2:-}
-guide=$(realpath "$(dirname "$0")/../../docs/guides/clusters.md")
+guide=$(realpath "$(dirname "$0")/../../../../docs/guides/clusters.md")
 [ "$(id -u)" = 0 ] || { echo "slurm.sh: needs root for the node daemons and a small tmpfs" >&2; exit 2; }
 
 if ! command -v slurmctld >/dev/null || ! command -v slurmd >/dev/null || ! command -v sbatch >/dev/null; then
