@@ -88,6 +88,12 @@ macro_rules! cases {
             match Case::of(Asks::of(job)) { $(Case::$name => entry.enter::<$name>()),* }
         }
 
+        /// Enters one of two functions that take any job: with the rules asked at run time, or where something moves.
+        #[cfg(target_arch = "x86_64")]
+        pub(in crate::kernels) fn by_general_case(job: &Job<'_>, entry: impl Entry) {
+            if Asks::of(job).moves { entry.enter::<MOVING>() } else { entry.enter::<ANY_RULES>() }
+        }
+
         /// Runs a job of case `CASE`.
         #[inline(always)]
         pub(in crate::kernels) fn run<L: Lanes, const CASE: u8>(

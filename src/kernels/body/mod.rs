@@ -33,6 +33,8 @@ mod pixels;
 mod step;
 mod way;
 
+#[cfg(target_arch = "x86_64")]
+pub(super) use case::by_general_case;
 pub(super) use case::{Entry, by_case, run};
 
 /// No threshold noise.

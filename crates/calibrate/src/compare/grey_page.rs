@@ -39,7 +39,7 @@ impl GreyComparison {
         for i in 0..self.histogram_lights.len() {
             parts.push(self.histogram(i)?);
         }
-        page("Comparison with a measured camera", &parts)
+        Ok(page("Comparison with a measured camera", &parts))
     }
 
     fn all(&self) -> impl Iterator<Item = &CameraDistance> {

@@ -38,7 +38,7 @@ impl SceneComparison {
                 "Rate of the pixels that were compared; red: left out, not even or not static.",
             ),
         ];
-        page("Comparison with a static recording", &parts)
+        Ok(page("Comparison with a static recording", &parts))
     }
 
     fn values(&self) -> Table {

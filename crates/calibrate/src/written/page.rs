@@ -39,7 +39,7 @@ pub fn page(c: &Calibration) -> Result<String> {
     if let Some(paper) = &c.paper {
         parts.extend(beside(c, paper)?);
     }
-    render("Calibration", &parts)
+    Ok(render("Calibration", &parts))
 }
 
 /// What was recorded.

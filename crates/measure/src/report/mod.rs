@@ -12,15 +12,12 @@ pub use map::{heat_map, picture};
 pub use plot::{Band, Curve, bars, curves, curves_over, marked};
 pub use ranked::{Row, ranked};
 
-use minijinja::{AutoEscape, Environment, context};
-use serde::Serialize;
+use std::fmt::{self, Display, Write as _};
 
-use spikelane::error::{Error, Kind, Result};
-
-const TEMPLATE: &str = include_str!("page.html");
+const STYLE: &str = include_str!("page.css");
 
 /// A table: heads and rows of equal length.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct Table {
     /// What the columns are.
@@ -43,8 +40,7 @@ impl Table {
 }
 
 /// A part of a page.
-#[derive(Clone, Debug, Serialize)]
-#[serde(tag = "part", rename_all = "lowercase")]
+#[derive(Clone, Debug)]
 pub enum Part {
     /// A heading.
     Heading {
@@ -63,7 +59,7 @@ pub enum Part {
     },
     /// A table.
     Table(Table),
-    /// A plot or map as markup made by this room.
+    /// A plot or map as markup made by this module.
     Figure {
         /// SVG or an image element.
         markup: String,
@@ -92,17 +88,56 @@ impl Part {
     }
 }
 
+/// Text in which nothing is markup.
+struct Escaped<T>(T);
+
+impl<T: AsRef<str>> Display for Escaped<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.as_ref().chars().try_for_each(|c| match c {
+            '&' => f.write_str("&amp;"),
+            '<' => f.write_str("&lt;"),
+            '>' => f.write_str("&gt;"),
+            '"' => f.write_str("&quot;"),
+            '\'' => f.write_str("&#x27;"),
+            c => f.write_char(c),
+        })
+    }
+}
+
+/// Each item between an opening and a closing tag of the name `tag`.
+fn tagged(tag: &str, items: &[String]) -> String {
+    items.iter().map(|item| format!("<{tag}>{}</{tag}>", Escaped(item))).collect()
+}
+
+impl Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Heading { text } => writeln!(f, "<h2>{}</h2>", Escaped(text)),
+            Self::Text { text } => writeln!(f, "<p>{}</p>", Escaped(text)),
+            Self::List { items } => writeln!(f, "<ul>{}</ul>", tagged("li", items)),
+            Self::Table(table) => {
+                writeln!(f, "<table><tr>{}</tr>", tagged("th", &table.head))?;
+                table.rows.iter().try_for_each(|row| writeln!(f, "<tr>{}</tr>", tagged("td", row)))?;
+                writeln!(f, "</table>")
+            }
+            Self::Figure { markup, caption } => {
+                writeln!(f, "<figure>{markup}<figcaption>{}</figcaption></figure>", Escaped(caption))
+            }
+        }
+    }
+}
+
 /// The page of `parts` under `title`. Text is escaped; only figures are markup.
-///
-/// # Errors
-/// Never, in practice: the template is fixed.
-pub fn page(title: &str, parts: &[Part]) -> Result<String> {
-    let wrong = |e: minijinja::Error| Error::new(Kind::Config, "report template").found(e);
-    let mut environment = Environment::new();
-    environment.set_auto_escape_callback(|_| AutoEscape::Html);
-    environment.add_template("page.html", TEMPLATE).map_err(wrong)?;
-    let template = environment.get_template("page.html").map_err(wrong)?;
-    template.render(context! { title, parts, version => env!("CARGO_PKG_VERSION") }).map_err(wrong)
+#[must_use]
+pub fn page(title: &str, parts: &[Part]) -> String {
+    let (title, version) = (Escaped(title), env!("CARGO_PKG_VERSION"));
+    let body: String = parts.iter().map(ToString::to_string).collect();
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{title}</title>\n\
+         <style>\n{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n{body}<footer>spikelane {version}</footer>\n\
+         </body>\n</html>\n"
+    )
 }
 
 #[cfg(test)]
@@ -111,8 +146,7 @@ mod tests {
 
     #[test]
     fn names_of_files_cannot_inject_markup() {
-        let html =
-            page("<b>", &[Part::text("<script>"), Part::figure("<svg></svg>".to_owned(), "&")]).unwrap();
+        let html = page("<b>", &[Part::text("<script>"), Part::figure("<svg></svg>".to_owned(), "&")]);
         assert!(
             html.contains("&lt;script&gt;") && html.contains("<svg></svg>") && !html.contains("<script>")
         );

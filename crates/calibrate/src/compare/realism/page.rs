@@ -71,7 +71,7 @@ impl Realism {
             parts.push(Part::figure(picture(row)?, "Value of simulated windows over that of real ones."));
             parts.push(Part::Table(by_part(row)));
         }
-        page("Comparison with a real recording, window by window", &parts)
+        Ok(page("Comparison with a real recording, window by window", &parts))
     }
 
     /// Numbers of whole recordings.

@@ -39,7 +39,7 @@ pub fn page(diagnosis: &Diagnosis) -> Result<String> {
         parts.push(Part::Table(glossary(diagnosis)));
     }
     parts.extend(diagnosis.about.iter().flat_map(made));
-    render("Diagnosis", &parts)
+    Ok(render("Diagnosis", &parts))
 }
 
 /// What is wrong in the laboratory stands above everything.
