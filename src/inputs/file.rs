@@ -37,11 +37,17 @@ impl InputFile {
         Ok(Self { file, path: path.to_owned(), len: found.len() })
     }
 
+    /// Whether the file held no byte at opening.
+    pub const fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
     /// The length at opening, in bytes.
     pub const fn len(&self) -> u64 {
         self.len
     }
 
+    /// The path that it was opened by.
     pub fn path(&self) -> &Path {
         &self.path
     }

@@ -120,10 +120,7 @@ fn of_frames(frames: &Frames) -> Vec<Named> {
 /// With the error of totals that go together, as those of pixels that fire regularly do.
 fn total_variance(frames: &Frames) -> Estimate {
     let found = frames.total_variance();
-    let found = {
-        // Of a longer stream only the first totals are kept.
-        let kept = frames.totals.len() as f64 / f64::from(frames.readouts().max(1));
-        Estimate { error: super::errors::variance_error(&frames.totals) * kept.sqrt(), ..found }
-    };
-    found
+    // Of a longer stream only the first totals are kept.
+    let kept = frames.totals.len() as f64 / f64::from(frames.readouts().max(1));
+    Estimate { error: super::errors::variance_error(&frames.totals) * kept.sqrt(), ..found }
 }

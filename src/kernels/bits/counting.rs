@@ -11,6 +11,7 @@ use crate::kernels::isa::avx2::Avx2;
 
 /// Work that also wants vectors of 16-bit integers, and bits turned and found.
 pub trait Work {
+    /// What the work returns.
     type Out;
 
     /// Mark it `#[inline(always)]`, as what it calls in its loops.

@@ -14,30 +14,42 @@ pub const SHORTS: usize = 32;
 /// An implementor is a token: a value of it exists only where the CPU has the instructions, so every method is safe.
 /// All are exact. A closure given to `map` is compiled apart, without the instructions of its caller: use loops.
 pub trait Shorts: Copy {
+    /// Thirty-two signed 16-bit integers.
     type Short: Copy;
+    /// 32-bit sums of products.
     type Sum: Copy;
+    /// 16-bit counts.
     type Count: Copy;
 
+    /// Reads 32 integers.
     fn load(self, from: &[i16; SHORTS]) -> Self::Short;
+    /// Writes 32 integers.
     fn store(self, to: &mut [i16; SHORTS], v: Self::Short);
+    /// `v` in every place.
     fn splat(self, v: i16) -> Self::Short;
     /// Wrapping difference.
     fn sub(self, a: Self::Short, b: Self::Short) -> Self::Short;
+    /// Bitwise and.
     fn and(self, a: Self::Short, b: Self::Short) -> Self::Short;
+    /// Bitwise or.
     fn or(self, a: Self::Short, b: Self::Short) -> Self::Short;
     /// -1 where `a > b`, else 0.
     fn greater(self, a: Self::Short, b: Self::Short) -> Self::Short;
+    /// The smaller of each pair.
     fn min(self, a: Self::Short, b: Self::Short) -> Self::Short;
+    /// The larger of each pair.
     fn max(self, a: Self::Short, b: Self::Short) -> Self::Short;
     /// Bit `i` is the sign of integer `i`.
     fn signs(self, v: Self::Short) -> u32;
     /// The least of the integers that are not negative.
     fn least(self, v: Self::Short) -> i16;
+    /// Sums of zero.
     fn zero(self) -> Self::Sum;
     /// `sum` and, in some order, the sixteen `a[i] * b[i] + a[i + 1] * b[i + 1]` of even `i` (wrapping).
     fn add_products(self, sum: Self::Sum, a: Self::Short, b: Self::Short) -> Self::Sum;
     /// The total of each of eight sums (wrapping).
     fn totals(self, sums: [Self::Sum; 8]) -> [i32; 8];
+    /// Counts of zero.
     fn none(self) -> Self::Count;
     /// `count` and, in some order, one for each `a > b`, up to `2^14` times.
     fn count_greater(self, count: Self::Count, a: Self::Short, b: Self::Short) -> Self::Count;

@@ -20,8 +20,11 @@ pub struct Tally<'a> {
 /// Spikes of a pixel, and its first and last one, as readouts from the first frame on; meaningless where there is none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Times {
+    /// How many.
     pub spikes: u32,
+    /// The readout of the first one.
     pub first: u32,
+    /// The readout of the last one.
     pub last: u32,
 }
 

@@ -26,6 +26,7 @@ pub struct Counters<P: Planes> {
 }
 
 impl<P: Planes> Counters<P> {
+    /// Counters at zero.
     #[inline(always)]
     pub fn new(p: P) -> Self {
         Self { planes: [p.row(&[0; TILE]); 8] }

@@ -109,7 +109,8 @@ fn one(words: &[String]) -> Result<(), String> {
 
 /// The folders of the workspace's packages, from the root.
 fn packages() -> Vec<String> {
-    let mut all: Vec<String> = [".", "bindings/c", "bindings/python", "studies", "tests/outside_effect"].map(str::to_owned).into();
+    let mut all: Vec<String> =
+        [".", "bindings/c", "bindings/python", "studies", "tests/outside_effect"].map(str::to_owned).into();
     let crates = fs::read_dir(root().join("crates")).unwrap();
     all.extend(crates.map(|entry| format!("crates/{}", entry.unwrap().file_name().to_string_lossy())));
     all
@@ -177,7 +178,9 @@ fn cargo(words: &[String]) -> Result<(), String> {
         let here = |package: &String| {
             let manifest = fs::read_to_string(root().join(package).join("Cargo.toml")).unwrap();
             let at = |path: String| root().join(package).join(folder).join(path).is_file();
-            at(format!("{name}.rs")) || at(format!("{name}/main.rs")) || manifest.contains(&format!("name = \"{name}\""))
+            at(format!("{name}.rs"))
+                || at(format!("{name}/main.rs"))
+                || manifest.contains(&format!("name = \"{name}\""))
         };
         if !packages().iter().any(here) {
             return Err(format!("no {flag} of the name {name}"));

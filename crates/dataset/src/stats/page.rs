@@ -51,7 +51,7 @@ pub fn html(name: &str, stats: &Stats) -> Result<String> {
         let of = stats.quantities.get(name).map_or(0, |s| s.count);
         parts.push(Part::figure(bars(name, name, &[shares])?, format!("Shares of {of} values.")));
     }
-    page(&format!("Dataset {name}"), &parts)
+    Ok(page(&format!("Dataset {name}"), &parts))
 }
 
 /// The pictures as markup, inside of the page.

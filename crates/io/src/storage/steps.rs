@@ -48,8 +48,11 @@ pub mod record {
     pub enum Step {
         /// A file with the bytes that it then had.
         File(PathBuf, Vec<u8>),
+        /// A folder whose entries were synced.
         Folder(PathBuf),
+        /// A new name in place of an old one.
         Rename(PathBuf, PathBuf),
+        /// A file that was removed.
         Remove(PathBuf),
     }
 
@@ -65,10 +68,12 @@ pub mod record {
         LOG.lock().unwrap().take().map(|(_, steps)| steps).unwrap_or_default()
     }
 
+    /// Notes that a file was synced.
     pub fn synced(path: &Path) {
         add(Step::File(path.to_owned(), Vec::new()));
     }
 
+    /// Notes a step below the root.
     pub fn add(mut step: Step) {
         let mut log = LOG.lock().unwrap();
         let Some((root, steps)) = log.as_mut() else { return };

@@ -21,6 +21,7 @@ enum Kept {
 }
 
 impl Words {
+    /// `len` words of zero.
     pub fn zeros(len: usize) -> Self {
         let mapped = if len * 8 < LARGE { None } else { mapped(len * 8) };
         Self(mapped.map_or_else(|| Kept::Plain(vec![0; len]), Kept::Mapped))
