@@ -5,12 +5,12 @@ use std::sync::Once;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use spikelane::Simulator;
-use spikelane::unstable::draws::Seeds;
 use spikelane::effects::{self, Camera};
-use spikelane::unstable::kernels::{self, Backend, Batch, Job, Light, Samples, Segment};
-use spikelane::unstable::plan::{Plan, State};
 use spikelane::sensor::Sensor;
 use spikelane::simulate::FrameRef;
+use spikelane::unstable::draws::Seeds;
+use spikelane::unstable::kernels::{self, Backend, Batch, Job, Light, Samples, Segment};
+use spikelane::unstable::plan::{Plan, State};
 
 /// Light of one run: two frames in one of the three sample types.
 #[derive(Clone, Debug)]

@@ -6,9 +6,9 @@ mod common_oracle;
 use common_oracle::{Estimate, Independent, Times, camera_with, charges, correlation, seeds};
 use spikelane::effects::{self, Circuit};
 use spikelane::pixel::{Frame, Law, Noise};
-use spikelane::unstable::plan::State;
 use spikelane::simulate::FrameRef;
 use spikelane::spikes::bit;
+use spikelane::unstable::plan::State;
 use spikelane::{Backend, Camera, Geometry, Plan, Simulator};
 
 type Values<'a> = &'a [(&'a str, f64)];
@@ -263,7 +263,6 @@ fn pieces(
 fn with_threads(simulator: Simulator, threads: usize) -> Simulator {
     simulator.with_threads(threads).unwrap()
 }
-
 
 #[test]
 fn the_saved_state_of_another_rare_operation_is_refused() {

@@ -3,12 +3,11 @@
 //! They are final: a changed bit is a breaking change, with a new version and a line in the
 //! changelog. `GOLDEN_PRINT=1` with `--nocapture` prints `golden.json` anew.
 
-
 mod common_oracle;
 
 use common_oracle::{camera_with, preset, sized};
-use spikelane::unstable::kernels::Samples;
 use spikelane::simulate::FrameRef;
+use spikelane::unstable::kernels::Samples;
 use spikelane::{Backend, Camera, Plan, Seeds, Simulator, effects, presets};
 
 const SEEDS: Seeds = Seeds { camera: 11, shot: 22, sequence: 33 };

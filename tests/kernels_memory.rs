@@ -2,8 +2,8 @@
 //! bits. The guards catch a write that lands beside; `tests/memcheck.sh` runs
 //! this under valgrind and AddressSanitizer, which catch reads as well.
 
-use spikelane::unstable::draws::Seeds;
 use spikelane::effects::find;
+use spikelane::unstable::draws::Seeds;
 use spikelane::unstable::kernels::{self, Backend, Batch, Job, Light, Samples, Segment};
 use spikelane::{Camera, Plan, Sensor};
 

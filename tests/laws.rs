@@ -5,9 +5,9 @@ mod common_oracle;
 
 use common_oracle::{camera_with, correlation, packed, planned, preset, seeds, spread_light};
 use proptest::prelude::*;
-use spikelane::unstable::plan::State;
 use spikelane::simulate::FrameRef;
 use spikelane::spikes::{Geometry, bit};
+use spikelane::unstable::plan::State;
 use spikelane::{Camera, Plan, Seeds, Simulator};
 
 /// Stored charge about its mean after one readout of empty pixels: the shot noise itself.
@@ -142,7 +142,6 @@ fn run_in_pieces(
 fn with_threads(simulator: Simulator, threads: usize) -> Simulator {
     simulator.with_threads(threads).unwrap()
 }
-
 
 fn any_camera() -> impl Strategy<Value = Camera> {
     let names = ["ideal", "physical", "scsim-code", "scsim-paper", "spikingsim", "spikecv-image"];

@@ -1,9 +1,7 @@
 //! Reconstructions against plain loops over single bits.
 
 use proptest::prelude::*;
-use spikelane::reconstruct::{
-    TfpSequence, isi_map, psnr, span, ssim, tfi, tfi_at, tfp,
-};
+use spikelane::reconstruct::{TfpSequence, isi_map, psnr, span, ssim, tfi, tfi_at, tfp};
 use spikelane::{Geometry, Kind, Packed};
 
 prop_compose! {

@@ -31,10 +31,7 @@ where
 }
 
 /// Runs both in parallel and returns both results.
-pub fn join<A: Send, B: Send>(
-    one: impl FnOnce() -> A + Send,
-    other: impl FnOnce() -> B + Send,
-) -> (A, B) {
+pub fn join<A: Send, B: Send>(one: impl FnOnce() -> A + Send, other: impl FnOnce() -> B + Send) -> (A, B) {
     run(|| rayon::join(entered(one), entered(other)))
 }
 

@@ -22,7 +22,7 @@ mod score;
 mod version;
 
 /// The quickest of each class in which something was named where something is hidden. Forty more are in
-/// `docs/data/diagnosis-again.txt`: `docs/why/diagnosis.md` has the command.
+/// `studies/data/diagnosis-again.txt`: `docs/why/diagnosis.md` has the command.
 const QUICKEST: [&str; 5] = [
     "null--261",
     "single-dead_pixels-018",

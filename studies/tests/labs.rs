@@ -43,7 +43,8 @@ fn what_is_said_of_a_random_laboratory_is_right_or_nothing_is_said() {
 fn files_and_counts_of_a_laboratory_say_the_same() {
     let lab = Lab::new(13);
     let folder = tempfile::TempDir::new().unwrap();
-    let through_files = judge_program(&lab, Path::new(env!("CARGO_BIN_EXE_study-program-under-test")), folder.path());
+    let through_files =
+        judge_program(&lab, Path::new(env!("CARGO_BIN_EXE_study-program-under-test")), folder.path());
     let (Verdict::Said(counted), Verdict::Said(read)) = (judge(&lab), through_files) else {
         panic!("refused");
     };

@@ -2,9 +2,9 @@
 //! 1e-6 spikes per readout plus 2e-6 of the rate, and 1 % of the phase variance.
 
 use crate::common_oracle::{camera_with, charges, preset, seeds};
-use spikelane::unstable::draws::gauss;
 use spikelane::simulate::FrameRef;
 use spikelane::spikes::{Geometry, bit};
+use spikelane::unstable::draws::gauss;
 use spikelane::{Backend, Camera, Plan, Simulator};
 
 const LIGHTS: [f32; 6] = [0.0, 0.003, 0.05, 0.31, 0.77, 0.9];

@@ -119,7 +119,8 @@ fn physical_has_the_lags_of_the_recording_itself() {
     let g = spikelane::Geometry::new(400, 250).unwrap();
     // The rows of a `.dat` file lie from the bottom to the top, 50 whole bytes each.
     let file = std::fs::read(&path).unwrap();
-    let bytes: Vec<u8> = file.chunks_exact(g.frame_bytes()).flat_map(|f| f.rchunks_exact(50)).flatten().copied().collect();
+    let bytes: Vec<u8> =
+        file.chunks_exact(g.frame_bytes()).flat_map(|f| f.rchunks_exact(50)).flatten().copied().collect();
     let all = crate::common_oracle::unpack(&bytes, g);
     // The wall, right of its middle: rows 120 to 159, columns 260 to 339, rates within 15 % of 0.195.
     let chosen = |p: usize| {

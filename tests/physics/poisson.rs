@@ -1,8 +1,8 @@
 //! Counted quanta: the kernels' counts are the tables', and nothing jumps where a normal draw takes over.
 
 use crate::common_oracle::{Estimate, camera_with, charges, oracle, planned, seeds};
-use spikelane::unstable::draws::hash::key;
 use spikelane::simulate::FrameRef;
+use spikelane::unstable::draws::hash::key;
 use spikelane::{Camera, Plan, Simulator};
 
 /// Photons in a nominal threshold: few, so that charge tells their number.

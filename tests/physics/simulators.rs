@@ -182,7 +182,8 @@ fn rates_of(name: &str, levels: &[f64], pixels: usize, readouts: usize) -> Vec<f
     let camera = preset(name, (pixels * levels.len()) as u32, 1);
     let light: Vec<f32> = levels.iter().flat_map(|&level| vec![level as f32; pixels]).collect();
     let found = planned(&camera, seeds(1), &light, 20, readouts);
-    let rate = |times: &[Vec<u32>]| times.iter().map(Vec::len).sum::<usize>() as f64 / (pixels * readouts) as f64;
+    let rate =
+        |times: &[Vec<u32>]| times.iter().map(Vec::len).sum::<usize>() as f64 / (pixels * readouts) as f64;
     found.pixels.chunks(pixels).map(rate).collect()
 }
 

@@ -5,8 +5,8 @@
 
 use crate::common_oracle::{camera_with, preset, seeds, sensor, unpack};
 use proptest::prelude::*;
-use spikelane::unstable::kernels::Samples;
 use spikelane::simulate::FrameRef;
+use spikelane::unstable::kernels::Samples;
 use spikelane::{Backend, Camera, Plan, Simulator};
 
 /// Half an ulp of f32, relative.

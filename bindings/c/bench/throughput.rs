@@ -7,9 +7,9 @@ use std::error::Error;
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::time::Duration;
 
+use spikelane::{Geometry, Seeds, Simulator, presets};
 use spikelane_io::light::{Insertion, Timeline};
 use spikelane_io::simulate::FrameRef;
-use spikelane::{Geometry, Seeds, Simulator, presets};
 
 const ROUNDS: usize = 25;
 const READOUTS: usize = 1280;

@@ -18,8 +18,8 @@ mod writer;
 use std::ffi::{CStr, c_char};
 use std::path::Path;
 
-use spikelane_io::simulate::{FrameRef, Samples};
 use spikelane::{Geometry, Result, Seeds, presets, spikes};
+use spikelane_io::simulate::{FrameRef, Samples};
 
 use camera::Camera;
 use error::{door, usage, utf8};

@@ -1,9 +1,9 @@
 //! Cameras at work, without pointers.
 #![forbid(unsafe_code)]
 
+use spikelane::{Backend, Geometry, Plan, Result, Seeds, presets};
 use spikelane_io::light::{Insertion, Timeline};
 use spikelane_io::simulate::FrameRef;
-use spikelane::{Backend, Geometry, Plan, Result, Seeds, presets};
 
 use crate::camera::Camera;
 use crate::error::usage;

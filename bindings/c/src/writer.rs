@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use spikelane_io::formats::{Layout, StreamWriter};
 use spikelane::{Geometry, Result};
+use spikelane_io::formats::{Layout, StreamWriter};
 
 use crate::error::usage;
 

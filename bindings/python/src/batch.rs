@@ -6,11 +6,11 @@ use std::time::Duration;
 
 use numpy::{PyArrayDyn, PyArrayMethods as _};
 use pyo3::prelude::*;
+use spikelane::spikes::{self, Crop};
+use spikelane::{Error, Geometry, Kind, Plan, Seeds, Simulator};
 use spikelane_io::light::{Between, Frame, Insertion, OwnedSamples as Owned, Timeline};
 use spikelane_io::simulate::FrameRef;
 use spikelane_io::simulate::Samples;
-use spikelane::spikes::{self, Crop};
-use spikelane::{Error, Geometry, Kind, Plan, Seeds, Simulator};
 
 use crate::arrays::{Copies, Light, buffer, geometry, picture, zeros};
 use crate::camera::Camera;

@@ -5,15 +5,13 @@ use std::path::PathBuf;
 use numpy::PyUntypedArrayMethods as _;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
-use spikelane_calibrate::{
-    CalibrateOptions as Calibrating, RecordingSet, SneeOptions, observe, snee, write,
-};
+use spikelane::{Error, Kind};
 use spikelane_calibrate::diagnose::{DiagnoseOptions as Diagnosing, Extent, page};
+use spikelane_calibrate::{CalibrateOptions as Calibrating, RecordingSet, SneeOptions, observe, snee, write};
 use spikelane_io::formats::write_small;
 use spikelane_io::formats::{Layout, Reader};
-use spikelane_measure::{Recording, high_pass};
 use spikelane_io::simulate::save_camera;
-use spikelane::{Error, Kind};
+use spikelane_measure::{Recording, high_pass};
 
 use crate::arrays::{bytes, geometry};
 use crate::camera::Camera;
@@ -133,7 +131,9 @@ pub fn diagnose(
         let extent = if everything { Extent::Everything } else { Extent::Enough };
         let options = Diagnosing { camera, seed, extent, ..Diagnosing::default() };
         let found =
-            spikelane_calibrate::diagnose::diagnose(&set, holdout.as_ref(), options, &mut |_, share| tell(share))?;
+            spikelane_calibrate::diagnose::diagnose(&set, holdout.as_ref(), options, &mut |_, share| {
+                tell(share)
+            })?;
         let json = value(&found)?;
         if let Some(folder) = &out {
             std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;

@@ -5,8 +5,8 @@ use std::sync::{Mutex, MutexGuard};
 use numpy::{PyArrayDyn, PyArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict as _, PyBytes, PyDict};
-use spikelane_io::light::{Insertion, Timeline};
 use spikelane::{Backend, Seeds, spikes};
+use spikelane_io::light::{Insertion, Timeline};
 
 use crate::arrays::{Copies, Light, buffer, zeros};
 use crate::camera::Camera;

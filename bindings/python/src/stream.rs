@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use numpy::{PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
+use spikelane::{Geometry, spikes};
 use spikelane_io::formats::{Layout, Reader, StreamWriter};
 use spikelane_io::simulate::{Sidecar, StreamFacts, Written};
-use spikelane::{Geometry, spikes};
 
 use crate::arrays::{bytes, geometry, zeros};
 use crate::error::{Raise as _, usage};

@@ -3,12 +3,12 @@
 use super::population::Population;
 use super::snee::SneeMaps;
 use crate::formulas::fit::PixelFit;
-use spikelane::unstable::draws::pattern::Pattern;
-use spikelane::unstable::draws::{Seeds, Stream};
 use spikelane::effects::{Camera, Maps, find};
 use spikelane::error::Result;
-use spikelane_measure::Estimate;
 use spikelane::sensor::Sensor;
+use spikelane::unstable::draws::pattern::Pattern;
+use spikelane::unstable::draws::{Seeds, Stream};
+use spikelane_measure::Estimate;
 
 /// When threshold noise is redrawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -11,12 +11,12 @@
 //! `C_S` and `V_S` is then the box.
 
 use crate::sets::observed::Observed;
-use spikelane::error::{Error, Kind, Result};
-use spikelane::unstable::threads;
 #[cfg(feature = "snee")]
 use clarabel::algebra::CscMatrix;
 #[cfg(feature = "snee")]
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
+use spikelane::error::{Error, Kind, Result};
+use spikelane::unstable::threads;
 
 /// What the paper's estimator is told.
 #[derive(Clone, Copy, Debug)]
@@ -144,13 +144,10 @@ pub fn snee(observed: &Observed, options: &SneeOptions) -> Result<SneeMaps> {
             .found(levels.len())
             .expected("three or more streams; the paper has 25, grey 0, 10, ... 240"));
     }
-    let count = |l: &crate::sets::observed::Level, p: usize| {
-        f64::from(l.spikes[p]) / f64::from(l.readouts)
-    };
+    let count = |l: &crate::sets::observed::Level, p: usize| f64::from(l.spikes[p]) / f64::from(l.readouts);
     let pixels = observed.geometry.pixels();
-    let mean = |l: &crate::sets::observed::Level| {
-        (0..pixels).map(|p| count(l, p)).sum::<f64>() / pixels as f64
-    };
+    let mean =
+        |l: &crate::sets::observed::Level| (0..pixels).map(|p| count(l, p)).sum::<f64>() / pixels as f64;
     let light_scale = match (options.levels_known, levels.first(), levels.last()) {
         (false, Some(darkest), Some(brightest)) => {
             (mean(brightest) - mean(darkest)) / (brightest.light - darkest.light)

@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use spikelane_calibrate::compare::{RealismOptions, SceneComparison, Window, realism, static_scene};
 use spikelane::effects::find;
-use spikelane_io::formats::{Layout, Reader, StreamWriter};
-use spikelane_io::simulate::FrameRef;
 use spikelane::spikes::Geometry;
 use spikelane::{Camera, Plan, Seeds, Sensor, Simulator, presets};
+use spikelane_calibrate::compare::{RealismOptions, SceneComparison, Window, realism, static_scene};
+use spikelane_io::formats::{Layout, Reader, StreamWriter};
+use spikelane_io::simulate::FrameRef;
 
 const SIZE: (u32, u32) = (128, 96);
 const READOUTS: usize = 400;

@@ -8,9 +8,9 @@ mod hidden_sensor;
 use std::path::Path;
 
 use hidden_sensor::{Physics, Scene, Sensor, Size, record, write_set};
-use spikelane_calibrate::{Protocol, RecordingSet};
-use spikelane_calibrate::diagnose::{DiagnoseOptions, Diagnosis, FaultKind, Verdict, diagnose};
 use spikelane::{Seeds, presets};
+use spikelane_calibrate::diagnose::{DiagnoseOptions, Diagnosis, FaultKind, Verdict, diagnose};
+use spikelane_calibrate::{Protocol, RecordingSet};
 
 const SIZE: Size = Size { width: 24, height: 24, readouts: 2048 };
 

@@ -121,7 +121,7 @@ fn what_is_wrong_with_a_command_is_seen() {
     for good in [
         "spikelane simulate a.png -o b --clean | head",
         "cargo test --test diagnose_study",
-        "cargo run --release --example study-labs -- --labs 3 # three",
+        "cargo run --release -p spikelane-studies --bin study-labs -- --labs 3 # three",
         "play() {\n    spikelane verify \"$@\"\n}\nplay a.json",
         "READOUTS=5 spikelane preset show physical > mine.toml",
     ] {
@@ -131,7 +131,7 @@ fn what_is_wrong_with_a_command_is_seen() {
         "spikelane simulate a.png -o b --cleaner",
         "spikelane simulat a.png",
         "cargo test --test no_such_file",
-        "cargo run --release --example study-labs -- --laps 3",
+        "cargo run --release -p spikelane-studies --bin study-labs -- --laps 3",
         "cargo run --example no-such-study",
         "fuzz/none.sh",
     ] {

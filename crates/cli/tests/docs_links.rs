@@ -108,7 +108,17 @@ fn named(text: &str) -> Vec<&str> {
 
 #[test]
 fn every_page_that_code_and_pages_name_is_there() {
-    let folders = ["src", "crates", "tests", "benches", "studies/src", "bindings", "examples", "fuzz/fuzz_targets", ".ci"];
+    let folders = [
+        "src",
+        "crates",
+        "tests",
+        "benches",
+        "studies/src",
+        "bindings",
+        "examples",
+        "fuzz/fuzz_targets",
+        ".ci",
+    ];
     let mut wrong = Vec::new();
     let own = ["crates/cli/tests/docs_links.rs"];
     let pages = pages().into_iter().map(|page| page.name);

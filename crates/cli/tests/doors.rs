@@ -1,11 +1,11 @@
 //! The doors that bindings use, each against the slow way.
 
 use spikelane::effects;
-use spikelane_io::light::{Between, Frame, Insertion, OwnedSamples, Rate, Timeline};
 use spikelane::presets;
-use spikelane_io::simulate::{FrameRef, Pool};
 use spikelane::spikes::{self, Crop};
 use spikelane::{Camera, Error, Geometry, Kind, Plan, Seeds, Simulator};
+use spikelane_io::light::{Between, Frame, Insertion, OwnedSamples, Rate, Timeline};
+use spikelane_io::simulate::{FrameRef, Pool};
 
 const SEEDS: Seeds = Seeds { camera: 5, shot: 6, sequence: 7 };
 

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use spikelane_calibrate::{CalibrateOptions, Protocol, RecordingSet, calibrate, observe};
-use spikelane_io::formats::{Layout, Reader};
-use spikelane_measure::Recording;
-use spikelane_scene::{SamplesPerPixel, Scene, SceneOptions};
-use spikelane_io::simulate::FrameRef;
 use spikelane::unstable::threads::until;
 use spikelane::{Camera, Kind, Result, Seeds, Sensor, Simulator};
+use spikelane_calibrate::{CalibrateOptions, Protocol, RecordingSet, calibrate, observe};
+use spikelane_io::formats::{Layout, Reader};
+use spikelane_io::simulate::FrameRef;
+use spikelane_measure::Recording;
+use spikelane_scene::{SamplesPerPixel, Scene, SceneOptions};
 
 fn camera(width: u32, height: u32) -> Camera {
     let mut camera = spikelane::presets::load("physical").unwrap();

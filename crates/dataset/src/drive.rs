@@ -1,9 +1,9 @@
 //! A driving scene as light: one frame per readout.
 
 use spikelane::error::{Error, Kind, Result};
+use spikelane::spikes::Geometry;
 use spikelane_io::light::{Frame, OwnedSamples, Rate, Source};
 use spikelane_scene::{self as scene, KeyPlan, Rendered, Scene};
-use spikelane::spikes::Geometry;
 
 /// Readouts of a span lie within this time, and their light within this many bytes.
 const LONGEST_S: f64 = 5e-3;

@@ -4,8 +4,8 @@ use crate::from::{self, Input};
 use crate::manifest::Entry;
 use crate::{DatasetOptions, Drives, Inputs, Work};
 use spikelane::error::{Error, Kind, Result};
-use spikelane_io::formats::Layout;
 use spikelane::unstable::inputs::PlainName;
+use spikelane_io::formats::Layout;
 use spikelane_io::light::READOUTS_PER_FRAME;
 
 /// A sequence that is not made yet.

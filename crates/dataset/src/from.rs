@@ -5,8 +5,8 @@ use std::path::{Component, Path, PathBuf};
 
 use crate::Inputs;
 use crate::stamp::pictures_in;
-use spikelane::unstable::draws::Stream;
 use spikelane::error::{Error, Kind, Result};
+use spikelane::unstable::draws::Stream;
 use spikelane::unstable::inputs::{PlainName, read_bytes};
 use spikelane_io::light::{TIMES, picture};
 

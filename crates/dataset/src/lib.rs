@@ -24,11 +24,11 @@ pub mod stats;
 mod truth;
 mod views;
 
-pub use spikelane::unstable::inputs::{InnerPath, PlainName};
 pub use asked::{Cameras, DatasetOptions, Drives, Images, Inputs, Split, Splits, Structure, Work};
 pub use drive::Drive;
 pub use from::{Input, inputs, skipped};
 pub use manifest::{Entry, Manifest, Status};
 pub use record::Record;
 pub use run::{Estimate, Progress, Report, estimate, make};
+pub use spikelane::unstable::inputs::{InnerPath, PlainName};
 pub use stamp::Stamp;

@@ -13,13 +13,15 @@ use crate::manifest::sequence_path;
 use crate::truth::{self, Dimmed};
 use crate::{DatasetOptions, Drive, Drives, Entry, Inputs, Record, Structure, Work};
 use spikelane::error::{Error, Result};
-use spikelane_io::formats::Layout;
 use spikelane::unstable::inputs::InnerPath;
+use spikelane_io::formats::Layout;
 use spikelane_io::light::{self, Frame, Insertion, OwnedSamples, Pace, Source, Timeline};
+use spikelane_io::simulate::{
+    CameraFacts, LightFacts, Looks, Outcome, Run, Sidecar, StreamFacts, run_looking,
+};
+use spikelane_io::storage::{steps, trees};
 use spikelane_measure::report::with_known;
 use spikelane_scene::Scene;
-use spikelane_io::simulate::{CameraFacts, LightFacts, Looks, Outcome, Run, Sidecar, StreamFacts, run_looking};
-use spikelane_io::storage::{steps, trees};
 
 /// Hears of readouts done, and may stop the work.
 pub(super) type Watch<'a> = &'a mut dyn FnMut(u64, Option<u64>) -> Result<()>;

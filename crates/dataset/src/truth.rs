@@ -6,10 +6,10 @@ use crate::labels::write;
 use crate::{DatasetOptions, Structure};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
-use spikelane_io::light::{Frame, OwnedSamples, Rate, Source, Timeline};
 use spikelane::sensor::FrontEnd;
-use spikelane_io::simulate::{ImageForm, light_at, linear_png};
 use spikelane::spikes::Geometry;
+use spikelane_io::light::{Frame, OwnedSamples, Rate, Source, Timeline};
+use spikelane_io::simulate::{ImageForm, light_at, linear_png};
 
 /// Share of the pixels that may have code 255 though the sensor still tells their light, less a
 /// tenth for what warping changes of a drawn picture.

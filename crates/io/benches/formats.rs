@@ -2,8 +2,8 @@
 //! translated back and compared before it is timed.
 
 use criterion::{BenchmarkId, Criterion, Throughput};
-use spikelane_io::formats::{Codec, Layout};
 use spikelane::spikes::Geometry;
+use spikelane_io::formats::{Codec, Layout};
 
 const FRAMES: usize = 64;
 

@@ -2,8 +2,8 @@
 //! and its digest compared before anything is timed.
 
 use criterion::{Criterion, Throughput};
-use spikelane_io::formats::{Layout, StreamWriter};
 use spikelane::spikes::Geometry;
+use spikelane_io::formats::{Layout, StreamWriter};
 use spikelane_io::storage::Digest;
 
 const FRAMES: usize = 4000;

@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use measure_support::Stream;
-use spikelane_measure::{Accumulator, MeasureOptions};
 use spikelane::spikes::{Geometry, Packed, count};
+use spikelane_measure::{Accumulator, MeasureOptions};
 
 const READOUTS: usize = 3968;
 

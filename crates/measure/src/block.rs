@@ -11,7 +11,6 @@ use std::ops::Range;
 use spikelane::spikes::Geometry;
 use spikelane_io::storage::Words;
 
-
 /// Readouts measured together at most: eight turns of the 8-bit vertical counters (248 readouts each), and 31 words
 /// of a pixel's history. What intervals cost per pixel and block is then shared by the four times as many spikes
 /// of two turns: at a rate of 0.05 that is most of the work.

@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use super::block::Block;
 use super::estimate::{Estimate, tiles_ratio};
-use spikelane::unstable::kernels::{Bits, Counters, GROUPS, Shorts, TILE, Work, counting_with, load};
 use spikelane::spikes::{Geometry, span_rate};
+use spikelane::unstable::kernels::{Bits, Counters, GROUPS, Shorts, TILE, Work, counting_with, load};
 
 /// In place of a readout where a pixel never fired.
 pub const NEVER: u32 = u32::MAX;

@@ -4,8 +4,7 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 
 /// A value with its standard error.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[derive(serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Estimate {
     /// The value; NaN when nothing could be measured.
     pub value: f64,

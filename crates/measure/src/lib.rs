@@ -39,9 +39,9 @@ mod summary;
 
 use std::ops::Range;
 
+use block::Block;
 use spikelane::error::{Error, Kind, Result};
 use spikelane::spikes::{Geometry, Packed};
-use block::Block;
 
 pub use counts::NEVER;
 pub use counts::{Counts, Pair};

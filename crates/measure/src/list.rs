@@ -5,8 +5,7 @@ use super::{Estimate, Frames, Intervals, Pair, Statistics, Summary, summarise};
 use spikelane::error::Result;
 
 /// A statistic with its name and uncertainty.
-#[derive(Clone, Debug, PartialEq)]
-#[derive(serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct Named {
     /// Short name without spaces.

@@ -3,9 +3,9 @@
 //! Both estimates assume noise that is independent from pixel to pixel; what a scene has of
 //! fine texture counts as noise in part, more so in the second.
 
+use nalgebra::{DMatrix, DMatrixView, DVector};
 use spikelane::error::{Error, Kind, Result};
 use spikelane::spikes::Geometry;
-use nalgebra::{DMatrix, DMatrixView, DVector};
 
 /// Side of a patch of [`patch_noise`] in pixels, and pixels from one patch to the next.
 const SIDE: usize = 8;

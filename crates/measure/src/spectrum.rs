@@ -2,8 +2,8 @@
 
 use realfft::{FftError, RealFftPlanner, RealToComplex};
 
-use spikelane::error::{Error, Kind, Result};
 use crate::Statistics;
+use spikelane::error::{Error, Kind, Result};
 
 /// A power spectrum by Welch's method.
 #[derive(Clone, Debug, serde::Serialize)]

@@ -3,10 +3,10 @@
 use super::block::Block;
 use super::{Accumulator, MeasureOptions, Statistics};
 use spikelane::error::Result;
-use spikelane_io::formats::Reader;
-use spikelane::unstable::inputs;
 use spikelane::spikes::{Geometry, Packed};
+use spikelane::unstable::inputs;
 use spikelane::unstable::threads;
+use spikelane_io::formats::Reader;
 
 /// Readouts read at a time: two turns of an accumulator's counters, a quarter of what it buffers at most.
 const BATCH: usize = 496;

@@ -16,8 +16,7 @@ const OUTLIER: f64 = 6.0;
 const TILE: usize = 16;
 
 /// Pixels that do not behave like the others, as indices `row * width + col`.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-#[derive(serde::Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[non_exhaustive]
 pub struct Defects {
     /// Never fired where that is impossible for a pixel at half the rate of its neighbours.
@@ -39,8 +38,7 @@ impl Defects {
 }
 
 /// The summary of a recording of a uniform (or dark, or at least static) scene.
-#[derive(Clone, Debug)]
-#[derive(serde::Serialize)]
+#[derive(Clone, Debug, serde::Serialize)]
 #[non_exhaustive]
 pub struct Summary {
     /// Readouts.

@@ -220,7 +220,11 @@ impl<L: Lanes> Constants<L> {
     /// What plans with this noise and storage have, or `ALL` that there is but for [`Constants::whole_gain`], which only plans without
     /// noise ask for.
     #[inline(always)]
-    pub(super) fn load<const NOISE: u8, const STORE: u8, const ALL: bool>(l: L, job: &Job<'_>, p: usize) -> Self {
+    pub(super) fn load<const NOISE: u8, const STORE: u8, const ALL: bool>(
+        l: L,
+        job: &Job<'_>,
+        p: usize,
+    ) -> Self {
         // What a plan says is taken apart, so that nothing of it is forgotten.
         let Tables { threshold, pair_keys, gain, whole_gain: _, dark, ceiling, undecided, shot, noise } =
             job.plan.tables();

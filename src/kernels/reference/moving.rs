@@ -95,7 +95,14 @@ impl Moves {
     }
 
     /// The dark current at readout `t` around its `mean`, in steps x 65,536.
-    pub(super) fn dark(&self, job: &Job<'_>, p: usize, t: usize, mean: f32, lingering: &mut Lingering) -> f32 {
+    pub(super) fn dark(
+        &self,
+        job: &Job<'_>,
+        p: usize,
+        t: usize,
+        mean: f32,
+        lingering: &mut Lingering,
+    ) -> f32 {
         let Some((amplitude, rate)) = self.telegraph else { return mean };
         lingering.low ^= flip_draw(&job.batch.modulation().telegraph, p, t) < rate;
         if lingering.low { mean - amplitude } else { mean + amplitude }
@@ -113,7 +120,14 @@ impl Moves {
     }
 
     /// By how much the threshold of pixel `p` is off.
-    pub(super) fn offset(&self, job: &Job<'_>, p: usize, t: usize, droop: f32, lingering: &mut Lingering) -> i32 {
+    pub(super) fn offset(
+        &self,
+        job: &Job<'_>,
+        p: usize,
+        t: usize,
+        droop: f32,
+        lingering: &mut Lingering,
+    ) -> i32 {
         let modulation = job.batch.modulation();
         let mut offset = 0.0;
         if self.row_noise != 0.0 {

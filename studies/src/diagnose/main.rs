@@ -1,6 +1,6 @@
 //! The blind study of `diagnose`: hidden sensors of which the library knows nothing, and what it says of them.
 //!
-//! `cargo run --release --example study-diagnose -- FOLDER [--nulls N] [--singles N] [--unknown N] [--doubles N] [--triples N]
+//! `cargo run --release -p spikelane-studies --bin study-diagnose -- FOLDER [--nulls N] [--singles N] [--unknown N] [--doubles N] [--triples N]
 //! [--names A,B] [--only TEXT] [--minutes M] [--profile]` adds sensors to FOLDER, one JSON file each, and leaves those alone that
 //! this version of the code has judged; `--report FILE` writes the tables of what is there, `--records FILE` takes over and keeps
 //! what was judged as one file of lines, `--profile` prints the seconds of every phase, `--only` takes sensors whose id holds

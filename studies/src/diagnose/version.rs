@@ -1,7 +1,7 @@
 //! Which judgement a record holds: results of two judgements must not share a table.
 //!
 //! Raise a number in the commit that changes what is said of a sensor by the code it stands for, and only then: a move, a name or
-//! a comment changes nothing. `tests/diagnose_study.rs` judges recorded sensors again and wants every digit back; where it
+//! a comment changes nothing. `studies/tests/diagnose_study.rs` judges recorded sensors again and wants every digit back; where it
 //! fails, the change was a judgement. `docs/why/diagnosis.md` says what each number stands for.
 //!
 //! A sensor in which nothing was found never came to the code that chooses names, and one in which a single name was added

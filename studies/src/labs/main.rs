@@ -1,6 +1,6 @@
 //! The study of `calibrate` in random laboratories of known truth, simulated without the library.
 //!
-//! `cargo run --release --example study-labs -- [--labs N] [--program FILE] [--report FILE]` prints a row for each kind of fault, and writes
+//! `cargo run --release -p spikelane-studies --bin study-labs -- [--labs N] [--program FILE] [--report FILE]` prints a row for each kind of fault, and writes
 //! the tables between the marks of the report. With the program built, every eleventh laboratory goes through its files and command line.
 
 #[path = "../../../crates/calibrate/tests/calibrate_support/best.rs"]

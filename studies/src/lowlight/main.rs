@@ -1,6 +1,6 @@
 //! Which law of noise a recording at low light has: every law is simulated through the recording's own window and lines.
 //!
-//! `cargo run --release --example study-lowlight -- RECORDING [--seeds N]` prints a table of laws with their numbers, intervals
+//! `cargo run --release -p spikelane-studies --bin study-lowlight -- RECORDING [--seeds N]` prints a table of laws with their numbers, intervals
 //! and likelihoods. A pixel fires a few times in such a recording, and those that fire thrice are not like the others: the same is measured
 //! of simulated twins, whose pixels have the rate that neighbours share. Statistics are variances of second differences of spike times, in
 //! thresholds squared, in classes of rate; their errors are those of places of the recording and of seeds, taken for independent. Pixels around which
@@ -11,11 +11,11 @@ mod lines;
 use std::path::PathBuf;
 
 use lines::{CLASSES, LAGS, Measured, Recording};
-use spikelane_calibrate::compare::still_pixels;
 use spikelane::effects::find;
+use spikelane::{Camera, Geometry, Packed, Plan, Seeds, Sensor, Simulator};
+use spikelane_calibrate::compare::still_pixels;
 use spikelane_io::formats::Reader;
 use spikelane_io::simulate::FrameRef;
-use spikelane::{Camera, Geometry, Packed, Plan, Seeds, Sensor, Simulator};
 
 /// Readouts before the window.
 const LEAD: usize = 400;

@@ -1,6 +1,6 @@
 //! The study of the errors that `measure` states.
 //!
-//! `cargo run --release --example study-measure -- [--recordings N] [--report FILE]` records N times one sensor, and N sensors once, for
+//! `cargo run --release -p spikelane-studies --bin study-measure -- [--recordings N] [--report FILE]` records N times one sensor, and N sensors once, for
 //! each pattern and light, prints how often the intervals hold the truth, and writes the tables between the marks of FILE.
 
 #[path = "../../../crates/measure/tests/coverage_support/mod.rs"]

@@ -1,6 +1,6 @@
 """Does the noise of the training data matter? Networks trained on each preset, tried on real recordings.
 
-    python study/networks/main.py --real FOLDER [--steps 1500] [--seeds 3] [--workers 14] [--markdown docs/why/networks.md]
+    python studies/src/networks/main.py --real FOLDER [--steps 1500] [--seeds 3] [--workers 14] [--markdown docs/why/networks.md]
 
 Needs the package `spikelane`, torch, and a folder with `static_400x250x300.dat` and `lowlight_250x250x120.npz`. Every
 preset sees the same light; each clip has in every epoch a fixed pattern and noise of its own.

@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 use std::ops::Range;
 use std::path::Path;
 
-use spikelane_io::formats::{Layout, Reader};
 use spikelane::reconstruct::{Reference, blurred, detail, span, tfi_at, tfp};
 use spikelane::{Geometry, Packed};
+use spikelane_io::formats::{Layout, Reader};
 
 use super::real::STILL;
 use super::simulated;

@@ -1,6 +1,6 @@
 //! Counting, spans and intervals side by side: how near pictures of spikes come to the light.
 //!
-//! `cargo run --release --example study-pictures -- [PAGE]` prints the tables, or writes them between the marks of PAGE. Recordings
+//! `cargo run --release -p spikelane-studies --bin study-pictures -- [PAGE]` prints the tables, or writes them between the marks of PAGE. Recordings
 //! of real cameras are read from the folder that `SPIKELANE_REAL_DATA` names; without it that table is left as it is.
 
 mod detailed;

@@ -3,9 +3,9 @@
 use std::ops::Range;
 use std::path::Path;
 
-use spikelane_io::formats::{Layout, Reader};
 use spikelane::reconstruct::tfp;
 use spikelane::{Geometry, Packed};
+use spikelane_io::formats::{Layout, Reader};
 
 use super::score::{Row, row};
 

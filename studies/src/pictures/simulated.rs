@@ -1,8 +1,8 @@
 //! Simulated scenes of which the light is known.
 
 use spikelane::effects::find;
-use spikelane_io::simulate::FrameRef;
 use spikelane::{Camera, Geometry, Packed, Seeds, Sensor, Simulator, presets};
+use spikelane_io::simulate::FrameRef;
 
 use super::score::{Row, row};
 

@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use spikelane::{Camera, Effect};
 use spikelane_calibrate::RecordingSet;
 use spikelane_calibrate::diagnose::{Extent, Part, Setup, published};
-use spikelane::{Camera, Effect};
 
 use super::factors::Factors;
 use super::hidden_sensor::{Scene, Sensor, record};

@@ -1,6 +1,6 @@
 //! The study of the program's own path: laboratories whose cameras, lamps and protocols differ, and what `diagnose` says of them.
 //!
-//! `cargo run --release --example study-program -- RECORDS.jsonl [--nulls N] [--singles N] [--doubles N] [--outside N] [--minutes M]
+//! `cargo run --release -p spikelane-studies --bin study-program -- RECORDS.jsonl [--nulls N] [--singles N] [--doubles N] [--outside N] [--minutes M]
 //! [--attempt K] [--only ID] [--keep FOLDER] [--table FILE]` adds sensors to RECORDS, one a line, and leaves those alone that are there. The simulator of the truth is
 //! that of the tests and imports nothing from the library. Seeds are functions of a sensor's name and of the attempt. Clean sensors, single
 //! effects, doubles and what the catalogue does not hold come side by side. `--times [N]` prints how long clean, single and double

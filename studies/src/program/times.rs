@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::time::Instant;
 
+use spikelane::effects::Camera;
 use spikelane_calibrate::RecordingSet;
 use spikelane_calibrate::diagnose::{DiagnoseOptions, Setup, Verdict, diagnose_and_tell, published};
 use spikelane_calibrate::diagnose::{Extent, Part};
-use spikelane::effects::Camera;
 
 use super::hidden_sensor::{Physics, Sensor, Size, kind, write_set};
 use super::made;

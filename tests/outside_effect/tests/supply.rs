@@ -1,11 +1,11 @@
 //! An effect of this crate in camera files, in the simulator and in a diagnosis of spikelane.
 
 use outside_effect::WEAK_SUPPLY;
-use spikelane_calibrate::{Protocol, RecordingSet};
-use spikelane_calibrate::diagnose::{DiagnoseOptions, Extent, diagnose};
 use spikelane::effects::{self, Catalogue, Definition};
 use spikelane::simulate::FrameRef;
 use spikelane::{Camera, Geometry, Kind, Seeds, Sensor, Simulator, presets};
+use spikelane_calibrate::diagnose::{DiagnoseOptions, Extent, diagnose};
+use spikelane_calibrate::{Protocol, RecordingSet};
 
 fn catalogue() -> Catalogue {
     Catalogue::new().with(&WEAK_SUPPLY).unwrap()

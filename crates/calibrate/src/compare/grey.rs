@@ -3,14 +3,14 @@
 use serde::Serialize;
 
 use crate::{Progress, RecordingSet};
-use spikelane::unstable::draws::Seeds;
 use spikelane::effects::Camera;
 use spikelane::error::{Error, Kind, Result};
-use spikelane::unstable::inputs;
-use spikelane_measure::{Accumulator, MeasureOptions, Statistics, of_stream};
-use spikelane_io::simulate::{FrameRef, Simulator};
 use spikelane::spikes::Packed;
+use spikelane::unstable::draws::Seeds;
+use spikelane::unstable::inputs;
 use spikelane::unstable::threads;
+use spikelane_io::simulate::{FrameRef, Simulator};
+use spikelane_measure::{Accumulator, MeasureOptions, Statistics, of_stream};
 
 /// Grey levels whose interval histograms are compared, as the paper does.
 const GREYS: [f64; 4] = [0.0, 120.0, 180.0, 240.0];

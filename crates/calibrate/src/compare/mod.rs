@@ -24,8 +24,8 @@ pub use row::SceneRow;
 pub use scene::{SceneComparison, static_scene};
 
 use spikelane::error::Result;
-use spikelane::unstable::inputs;
 use spikelane::spikes::Geometry;
+use spikelane::unstable::inputs;
 
 /// The models that the paper compares, and this crate's own.
 pub const MODELS: [&str; 6] = ["scsim-code", "scsim-paper", "neuspike", "spikingsim", "spcs", "physical"];

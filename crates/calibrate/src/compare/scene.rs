@@ -6,14 +6,14 @@ use super::areas::{Area, Areas};
 use super::row::{LAGS, SceneRow, apart, row, terms};
 use super::steady::{RADIUS, steady};
 use crate::compare::check_memory;
-use spikelane::unstable::draws::Seeds;
 use spikelane::effects::{Camera, Maps};
 use spikelane::error::{Error, Kind, Result};
-use spikelane_io::formats::Reader;
-use spikelane::unstable::inputs;
-use spikelane_measure::{Accumulator, Estimate, MeasureOptions, Statistics, of_stream, select_smooth};
-use spikelane_io::simulate::{FrameRef, Simulator};
 use spikelane::spikes::{Geometry, Packed};
+use spikelane::unstable::draws::Seeds;
+use spikelane::unstable::inputs;
+use spikelane_io::formats::Reader;
+use spikelane_io::simulate::{FrameRef, Simulator};
+use spikelane_measure::{Accumulator, Estimate, MeasureOptions, Statistics, of_stream, select_smooth};
 
 /// Readouts simulated at a time.
 const BATCH: usize = 496;

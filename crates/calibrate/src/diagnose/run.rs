@@ -5,7 +5,6 @@ use std::time::Instant;
 
 use nalgebra::DVector;
 
-use crate::{self as calibrate, Light, Pattern, RecordingSet};
 use crate::diagnose::answer::caution::cautious;
 use crate::diagnose::answer::diagnosis::Diagnosis;
 use crate::diagnose::answer::notes::of_the_sets;
@@ -29,6 +28,7 @@ use crate::diagnose::search::own_numbers::rebased;
 use crate::diagnose::search::search::{Found, search};
 use crate::diagnose::search::with_line::with_line;
 use crate::diagnose::sensors::published::published;
+use crate::{self as calibrate, Light, Pattern, RecordingSet};
 use spikelane::effects::{Camera, Catalogue, Maps, start_phase};
 use spikelane::error::Result;
 

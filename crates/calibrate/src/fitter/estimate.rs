@@ -16,8 +16,8 @@ use crate::result::{CalibrateOptions, Calibration, Redrawn};
 use crate::sets::observed::Observed;
 use spikelane::error::{Error, Kind, Result};
 use spikelane::unstable::inputs;
-use spikelane_measure::{finite, median_and_spread};
 use spikelane::unstable::threads;
+use spikelane_measure::{finite, median_and_spread};
 
 /// Levels found bend against the stated ones where their trend is more than so many of its errors: one set in twenty of lamps as good as
 /// stated. What is not told would move the gain of levels spread over the range by 1.8 times as many of its own errors.

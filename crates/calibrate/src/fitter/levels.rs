@@ -10,8 +10,8 @@ use crate::formulas::fit::fit_line;
 use crate::formulas::solve::solve;
 use crate::result::Redrawn;
 use spikelane::error::{Error, Kind, Result};
-use spikelane_measure::{Estimate, median};
 use spikelane::unstable::threads;
+use spikelane_measure::{Estimate, median};
 
 /// Pixels whose equations one thread adds up.
 const PART: usize = 512;
@@ -91,8 +91,7 @@ impl Fitter<'_> {
 
     /// Chi-square per degree of freedom of the median pixel, over that of a model that fits; never below 1.
     fn typical_misfit(&self) -> f64 {
-        let mut all: Vec<f64> =
-            self.fits.iter().filter_map(crate::formulas::fit::PixelFit::misfit).collect();
+        let mut all: Vec<f64> = self.fits.iter().filter_map(crate::formulas::fit::PixelFit::misfit).collect();
         if all.is_empty() { 1.0 } else { median(&mut all).max(1.0) }
     }
 

@@ -5,9 +5,9 @@ use crate::formulas::phase::{draw_ratio, growth_ratio};
 use crate::formulas::selection;
 use crate::result::Redrawn;
 use crate::sets::observed::Level;
-use spikelane_measure::{Estimate, median, median_and_spread};
 use spikelane::sensor::Sensor;
 use spikelane::unstable::threads;
+use spikelane_measure::{Estimate, median, median_and_spread};
 
 /// What the interval variance of a level says.
 struct Growth {

@@ -2,8 +2,8 @@
 
 use super::state::{Fitter, Noise};
 use crate::result::Redrawn;
-use spikelane_measure::Estimate;
 use spikelane::sensor::Sensor;
+use spikelane_measure::Estimate;
 
 /// A rule is told if the share of the bias lies within so many errors of it,
 const AGREES: f64 = 4.0;

@@ -7,8 +7,8 @@ use crate::result::{CalibrateOptions, Redrawn};
 use crate::sets::check::{SATURATED, TIMED};
 use crate::sets::observed::{Level, Observed};
 use spikelane::error::{Error, Kind, Result};
-use spikelane_measure::Estimate;
 use spikelane::sensor::Sensor;
+use spikelane_measure::Estimate;
 
 /// Noise as far as it is known.
 #[derive(Clone, Copy, Debug)]

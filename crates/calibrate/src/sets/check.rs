@@ -3,8 +3,8 @@
 use super::observed::{Level, Observed};
 use super::recordings::Light;
 use spikelane::error::{Error, Kind, Result};
-use spikelane_measure::{finite, high_pass, median};
 use spikelane::spikes::Geometry;
+use spikelane_measure::{finite, high_pass, median};
 
 /// Rates above this are censored: the pixel fires at nearly every readout and tells nothing.
 pub(crate) const SATURATED: f64 = 0.985;

@@ -7,13 +7,13 @@ use super::check;
 use super::observed::{IntervalNoise, Level, Observed};
 use super::recordings::{Light, RateMap, RecordingSet};
 use spikelane::error::{Error, Kind, Result};
-use spikelane_io::formats::Reader;
+use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs;
 use spikelane::unstable::inputs::InputFile;
-use spikelane_measure::{MeasureOptions, NEVER, Statistics, finite, median, median_and_spread, of_stream};
 use spikelane::unstable::npy;
-use spikelane::spikes::Geometry;
 use spikelane::unstable::threads;
+use spikelane_io::formats::Reader;
+use spikelane_measure::{MeasureOptions, NEVER, Statistics, finite, median, median_and_spread, of_stream};
 
 /// Levels up to this light have their intervals measured: beyond, a spike's phase noise
 /// drowns in quantisation, and intervals cost most.

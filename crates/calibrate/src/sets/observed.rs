@@ -1,7 +1,7 @@
 //! What was observed of a recording set: its uniform levels, pixel by pixel.
 
-use spikelane_measure::{Estimate, finite, median};
 use spikelane::spikes::{Geometry, span_rate};
+use spikelane_measure::{Estimate, finite, median};
 
 /// Phase variance per spike, over the pixels of a level.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 
 use super::recordings::{Light, Pattern, Recording, RecordingSet};
 use crate::formulas::fit::Weighting;
-use spikelane::unstable::draws::Seeds;
 use spikelane::effects::Camera;
 use spikelane::error::{Error, Kind, Result};
-use spikelane_io::formats::{Layout, StreamWriter};
+use spikelane::spikes;
+use spikelane::unstable::draws::Seeds;
 use spikelane::unstable::inputs;
 use spikelane::unstable::plan::Plan;
-use spikelane_io::simulate::{CameraFacts, FrameRef, LightFacts, Sidecar, Simulator, StreamFacts, Written};
-use spikelane::spikes;
 use spikelane::unstable::threads;
+use spikelane_io::formats::{Layout, StreamWriter};
+use spikelane_io::simulate::{CameraFacts, FrameRef, LightFacts, Sidecar, Simulator, StreamFacts, Written};
 
 /// Frames simulated at a time.
 const BATCH: usize = 496;

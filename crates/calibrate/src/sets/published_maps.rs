@@ -12,10 +12,10 @@ use std::path::{Path, PathBuf};
 use super::recordings::{RateMap, RecordingSet};
 use spikelane::error::{Error, Kind, Result};
 use spikelane::unstable::inputs::InputFile;
-use spikelane_measure::upper_median;
-use spikelane_io::Archive;
 use spikelane::unstable::npy;
+use spikelane_io::Archive;
 use spikelane_io::storage::write_small;
+use spikelane_measure::upper_median;
 
 /// Light of `D_light`, in lux.
 const LUX: f64 = 335.0;

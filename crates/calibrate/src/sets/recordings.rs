@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use spikelane::error::{Error, Kind, Result};
-use spikelane_io::formats::{Layout, Reader};
-use spikelane::unstable::inputs;
 use spikelane::spikes::Geometry;
+use spikelane::unstable::inputs;
+use spikelane_io::formats::{Layout, Reader};
 
 /// What the camera looked at. Light is a fraction of the light that gives one spike per readout.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]

@@ -9,9 +9,9 @@ use crate::population::mean_and_sd;
 use crate::result::{Calibration, Lamp, Redrawn};
 use crate::snee::{Snee, SneeMaps};
 use spikelane::error::{Error, Kind, Result};
-use spikelane_measure::{Estimate, median};
 use spikelane::unstable::npy;
 use spikelane_measure::report::with_known;
+use spikelane_measure::{Estimate, median};
 
 /// The files of a calibration.
 #[derive(Clone, Debug)]

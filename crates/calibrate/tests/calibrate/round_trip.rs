@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use spikelane_calibrate::{CalibrateOptions, Light, Protocol, RecordingSet, calibrate, observe};
 use spikelane::effects::find;
-use spikelane_measure::{Estimate, list, of_stream};
 use spikelane::spikes::Geometry;
 use spikelane::{Camera, Seeds, presets};
+use spikelane_calibrate::{CalibrateOptions, Light, Protocol, RecordingSet, calibrate, observe};
+use spikelane_measure::{Estimate, list, of_stream};
 
 const LEVELS: [f64; 6] = [0.0, 0.04, 0.1, 0.3, 0.6, 0.85];
 

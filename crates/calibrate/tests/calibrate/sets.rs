@@ -3,15 +3,15 @@
 use std::path::PathBuf;
 
 use crate::calibrate_support::{PUBLISHED, level, pixels};
+use spikelane::effects::find;
+use spikelane::spikes::Geometry;
+use spikelane::{Camera, Seeds, presets};
+use spikelane_calibrate::compare::grey_levels;
 use spikelane_calibrate::{
     CalibrateOptions, Light, Observed, Pattern, Protocol, RecordingSet, SneeOptions, calibrate, import_maps,
     observe, predict, snee, write,
 };
-use spikelane_calibrate::compare::grey_levels;
-use spikelane::effects::find;
 use spikelane_io::formats::{Layout, Reader};
-use spikelane::spikes::Geometry;
-use spikelane::{Camera, Seeds, presets};
 
 const SEEDS: Seeds = Seeds { camera: 3, shot: 4, sequence: 0 };
 
@@ -360,7 +360,8 @@ fn the_static_recording_ranks_spikingsim_last() {
     };
     let path = PathBuf::from(folder).join("static_400x250x300.dat");
     let reader = Reader::open(&path, Some(Layout::Dat), Some(Geometry::new(400, 250).unwrap())).unwrap();
-    let cameras: Vec<_> = spikelane_calibrate::compare::MODELS.iter().map(|n| presets::builtin(n).unwrap()).collect();
+    let cameras: Vec<_> =
+        spikelane_calibrate::compare::MODELS.iter().map(|n| presets::builtin(n).unwrap()).collect();
     let found = spikelane_calibrate::compare::static_scene(&reader, &cameras, SEEDS).unwrap();
     println!("{} pixels, rate {:.4}, floor {:.3}", found.pixels, found.mean_rate, found.floor);
     for row in std::iter::once(&found.measured).chain(&found.models) {

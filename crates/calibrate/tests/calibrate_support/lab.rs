@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use spikelane_calibrate::{Level, Observed};
 use spikelane::spikes::Geometry;
+use spikelane_calibrate::{Level, Observed};
 
 use super::calibrate_support::{Lit, Noise, Pixel, Random, level_of, pixels, traces};
 

@@ -1,8 +1,8 @@
 //! What an estimator found against the truth, and against the Cramer-Rao bound.
 
 use rayon::prelude::*;
-use spikelane_calibrate::{Observed, Weighting};
 use spikelane::spikes::Geometry;
+use spikelane_calibrate::{Observed, Weighting};
 
 use super::{Noise, Pixel, Random, level};
 

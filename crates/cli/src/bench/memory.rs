@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use spikelane::unstable::kernels::{self, Batch, Job, Light, Samples, Segment};
-use spikelane_io::simulate::FrameRef;
 use spikelane::spikes::count;
+use spikelane::unstable::kernels::{self, Batch, Job, Light, Samples, Segment};
 use spikelane::{Backend, Plan, Result, Seeds, Simulator};
+use spikelane_io::simulate::FrameRef;
 
 use super::cameras::{Noise, frames};
 use super::report::Row;

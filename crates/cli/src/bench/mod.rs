@@ -14,8 +14,8 @@ mod timing;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use spikelane::{Backend, Error, Kind, Result};
 use clap::Args;
+use spikelane::{Backend, Error, Kind, Result};
 
 use cameras::{Noise, frames};
 use memory::Lit;

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
+use serde_json::{Value, json};
 use spikelane::unstable::npy::{self, Element};
 use spikelane::{Error, Kind, Result};
-use serde_json::{Value, json};
 
 use super::cameras::{Noise, frames};
 

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use spikelane::{Error, Kind, Result};
 use serde_json::{Value, json};
+use spikelane::{Error, Kind, Result};
 
 use super::processes::Process;
 use super::scenes::{Drawn, STAGED, Stage};

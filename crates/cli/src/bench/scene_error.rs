@@ -5,11 +5,11 @@
 
 use std::fmt::Write as _;
 
+use serde_json::{Value, json};
 use spikelane::Result;
 use spikelane_dataset::Drive;
 use spikelane_io::light::{Frame, Insertion, Rate, Source, Timeline};
 use spikelane_scene::{Labels, Lighting, SamplesPerPixel, Scene, SceneOptions};
-use serde_json::{Value, json};
 
 use crate::making::drawn;
 

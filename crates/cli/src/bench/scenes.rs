@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use spikelane::Result;
-use spikelane_scene::{Lighting, SamplesPerPixel, Scene, SceneOptions, Warp};
-use spikelane_io::simulate::ImageForm;
-use spikelane::spikes::Geometry;
 use serde_json::{Value, json};
+use spikelane::Result;
+use spikelane::spikes::Geometry;
+use spikelane_io::simulate::ImageForm;
+use spikelane_scene::{Lighting, SamplesPerPixel, Scene, SceneOptions, Warp};
 
 use super::timing::rate;
 

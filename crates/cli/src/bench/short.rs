@@ -3,9 +3,9 @@
 use std::hint::black_box;
 use std::time::Duration;
 
+use spikelane::{Geometry, Plan, Result, Seeds, Simulator, presets, spikes};
 use spikelane_io::light::{Insertion, Timeline};
 use spikelane_io::simulate::FrameRef;
-use spikelane::{Geometry, Plan, Result, Seeds, Simulator, presets, spikes};
 
 use super::cameras::{Noise, frames};
 use super::report::Fact;

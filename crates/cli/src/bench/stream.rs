@@ -4,13 +4,13 @@ use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use spikelane_io::formats::{Codec, Layout, Reader, StreamWriter, convert};
-use spikelane_io::light::{Frame, OwnedSamples, Rate, Source, Timeline};
-use spikelane_measure::{Accumulator, MeasureOptions};
 use spikelane::reconstruct::{tfi, tfp};
-use spikelane_io::simulate::{FrameRef, Run, run};
 use spikelane::spikes::{Geometry, Packed};
 use spikelane::{Result, Seeds, Simulator};
+use spikelane_io::formats::{Codec, Layout, Reader, StreamWriter, convert};
+use spikelane_io::light::{Frame, OwnedSamples, Rate, Source, Timeline};
+use spikelane_io::simulate::{FrameRef, Run, run};
+use spikelane_measure::{Accumulator, MeasureOptions};
 
 use super::cameras::{Noise, frames};
 use super::report::{Fact, Row};

@@ -1,10 +1,10 @@
 //! What `simulate` says at its end: the files, how long the stream is, and how fast it was made.
 
+use indicatif::DecimalBytes;
+use serde_json::{Value, json};
 use spikelane::Result;
 use spikelane::sensor::FrontEnd;
 use spikelane_io::simulate::{Outcome, Run, Sidecar, Written};
-use indicatif::DecimalBytes;
-use serde_json::{Value, json};
 
 use super::names::Names;
 use crate::shared::output::Out;

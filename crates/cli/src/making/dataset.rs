@@ -15,11 +15,11 @@ use serde_json::json;
 
 use crate::shared::output::Out;
 use crate::shared::progress::stoppable;
-use spikelane_dataset::{self as dataset, DatasetOptions, Estimate, Report, Work, config};
-use spikelane_io::formats::Layout;
-use spikelane::{Error, Kind, Result};
 use description::Description;
 use said::{say_apart, say_copied, say_skipped};
+use spikelane::{Error, Kind, Result};
+use spikelane_dataset::{self as dataset, DatasetOptions, Estimate, Report, Work, config};
+use spikelane_io::formats::Layout;
 use watcher::Watcher;
 
 /// Make a dataset of random driving scenes, or of all videos and image folders below a folder

@@ -1,10 +1,10 @@
 //! Light that the program makes: scenes, objects, the chart, and motion over a picture.
 
+use spikelane::{Camera, Error, Kind, Result};
 use spikelane_dataset::Drive;
 use spikelane_io::light::open;
 use spikelane_io::light::{Chart, InputOptions, Insertion, Motion, Moving, Objects, Rate, Timeline};
 use spikelane_scene::{self as scene, KeyPlan, Lighting, Scene, SceneOptions};
-use spikelane::{Camera, Error, Kind, Result};
 
 use super::light::{Light, LightArgs};
 

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use spikelane_io::simulate::{Sidecar, StreamFacts};
-use spikelane::{Error, Kind, Result};
-use spikelane_io::storage;
 use clap::Parser as _;
+use spikelane::{Error, Kind, Result};
+use spikelane_io::simulate::{Sidecar, StreamFacts};
+use spikelane_io::storage;
 
 use super::names::Names;
 use super::simulate::{Args, run as simulate};

@@ -2,11 +2,11 @@
 
 use std::time::Instant;
 
-use spikelane_io::light::Frame;
-use spikelane_io::simulate::{FrameRef, Run};
-use spikelane::{Result, Simulator};
 use indicatif::DecimalBytes;
 use serde_json::json;
+use spikelane::{Result, Simulator};
+use spikelane_io::light::Frame;
+use spikelane_io::simulate::{FrameRef, Run};
 
 use super::light::Light;
 use crate::shared::output::Out;
@@ -22,7 +22,8 @@ pub(crate) fn forecast(clean: bool, job: &Run, mut light: Light, free: Option<u6
     let streams = 1 + u64::from(clean);
     let (frame_s, readout_s) = (frame_seconds(&mut light)?, readout_seconds(job)? * streams as f64);
     let about = format!("{}; light: {}", light.source.describe(), light.source.front_end());
-    let space = free.map_or("free space unknown".to_owned(), |free| format!("{} free on the disk", DecimalBytes(free)));
+    let space = free
+        .map_or("free space unknown".to_owned(), |free| format!("{} free on the disk", DecimalBytes(free)));
     let Some(readouts) = readouts else {
         let bytes = job.layout.file_bytes(job.camera.sensor.geometry, 1_000_000)?.saturating_mul(streams);
         let event = json!({"event": "dry-run", "free_bytes": free, "seconds_per_readout": readout_s,

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use spikelane::{Error, Kind, Result};
 use spikelane_io::light::Frame;
 use spikelane_io::simulate::{ImageFacts, ImageFile, ImageForm};
-use spikelane::{Error, Kind, Result};
 use spikelane_io::storage;
 
 #[derive(clap::Args, Clone, Copy, Debug)]

@@ -2,15 +2,15 @@
 
 use std::path::PathBuf;
 
+use clap::ValueEnum;
+use clap::builder::PossibleValuesParser;
+use spikelane::{Camera, Error, Kind, Result};
 use spikelane_io::light::open;
 use spikelane_io::light::{
     Fit, InputOptions, Insertion, Pace, READOUTS_PER_FRAME, Rate, Source, Timeline, Transfer,
 };
-use spikelane_scene::Lighting;
 use spikelane_io::simulate::LightFacts;
-use spikelane::{Camera, Error, Kind, Result};
-use clap::ValueEnum;
-use clap::builder::PossibleValuesParser;
+use spikelane_scene::Lighting;
 
 use crate::shared::camera::exact_rate;
 use crate::shared::output::recorded;

@@ -8,13 +8,13 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use spikelane_io::formats::{Codec, Layout};
-use spikelane_io::live::{self, Pace, Pipe, Policy, Report, Ring, Sink, Stop, SystemClock};
-use spikelane_measure::report::with_known;
-use spikelane_io::simulate::{Ahead, Readouts, Run};
-use spikelane::{Backend, Camera, Error, Kind, Result, Seeds};
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
+use spikelane::{Backend, Camera, Error, Kind, Result, Seeds};
+use spikelane_io::formats::{Codec, Layout};
+use spikelane_io::live::{self, Pace, Pipe, Policy, Report, Ring, Sink, Stop, SystemClock};
+use spikelane_io::simulate::{Ahead, Readouts, Run};
+use spikelane_measure::report::with_known;
 
 use super::light::{BuiltIn, LightArgs};
 use crate::shared::camera::CameraArgs;

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use crate::shared::outputs;
 use crate::shared::stem::Stem;
-use spikelane_io::storage::OutputSet;
 use spikelane::{Error, Kind, Result};
+use spikelane_io::storage::OutputSet;
 
 /// The names that come out of a stem.
 pub(crate) struct Names {

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use spikelane_scene::{Lighting, Rendered, SamplesPerPixel, Scene, SceneOptions, labels};
-use spikelane_io::storage;
-use spikelane::{Error, Kind, Result};
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
+use spikelane::{Error, Kind, Result};
+use spikelane_io::storage;
+use spikelane_scene::{Lighting, Rendered, SamplesPerPixel, Scene, SceneOptions, labels};
 
 use crate::shared::output::Out;
 use crate::shared::outputs;

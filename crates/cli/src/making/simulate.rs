@@ -3,17 +3,17 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use spikelane_io::formats::{Layout, Opening};
-use spikelane_io::light::Frame;
-use spikelane_measure::report::with_known;
-use spikelane_io::simulate::{
-    Ahead, CameraFacts, Looks, Outcome, Run, Sidecar, StreamFacts, Written, run_looking, save_camera,
-};
-use spikelane::{Backend, Camera, Error, Kind, Plan, Result, Seeds};
-use spikelane_io::storage;
 use clap::builder::PossibleValuesParser;
 use indicatif::DecimalBytes;
 use serde_json::json;
+use spikelane::{Backend, Camera, Error, Kind, Plan, Result, Seeds};
+use spikelane_io::formats::{Layout, Opening};
+use spikelane_io::light::Frame;
+use spikelane_io::simulate::{
+    Ahead, CameraFacts, Looks, Outcome, Run, Sidecar, StreamFacts, Written, run_looking, save_camera,
+};
+use spikelane_io::storage;
+use spikelane_measure::report::with_known;
 
 use super::closing;
 use super::forecast;

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Args as ClapArgs;
 
+use serde_json::json;
+use spikelane::error::{Error, Kind, Result};
 use spikelane_calibrate::{
     CalibrateOptions, Calibration, Files as Written, RecordingSet, SneeOptions, calibrate, import_maps,
     observe, snee, write,
 };
-use spikelane::error::{Error, Kind, Result};
 use spikelane_measure::Estimate;
-use serde_json::json;
 
 use crate::shared::output::Out;
 use crate::shared::outputs;

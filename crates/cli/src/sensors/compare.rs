@@ -4,17 +4,17 @@ use std::path::{Path, PathBuf};
 
 use clap::Args as ClapArgs;
 
+use serde_json::{Value, json};
+use spikelane::effects::Camera;
+use spikelane::error::{Error, Kind, Result};
+use spikelane::presets;
+use spikelane::unstable::draws::Seeds;
 use spikelane_calibrate::RecordingSet;
 use spikelane_calibrate::compare::{
     CameraDistance, MODELS, RealismOptions, RealismRow, SceneComparison, SceneRow, Window, grey_levels,
     realism, static_scene,
 };
-use spikelane::unstable::draws::Seeds;
-use spikelane::effects::Camera;
-use spikelane::error::{Error, Kind, Result};
-use spikelane::presets;
 use spikelane_io::storage::FileGroup;
-use serde_json::{Value, json};
 
 use crate::shared::output::Out;
 use crate::shared::outputs;

@@ -4,17 +4,17 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use clap::Args as ClapArgs;
+use serde_json::{Value, json};
+use spikelane::error::{Error, Kind, Result};
+use spikelane::presets;
 use spikelane_calibrate::RecordingSet;
 use spikelane_calibrate::diagnose::{
     DiagnoseOptions, Diagnosis, Extent, Fault, FirstLook, Nameable, Strengths, Verdict, diagnose_and_tell,
     page, strengths,
 };
-use spikelane::error::{Error, Kind, Result};
-use spikelane::presets;
-use spikelane_measure::report::today;
 use spikelane_io::storage::FileGroup;
-use clap::Args as ClapArgs;
-use serde_json::{Value, json};
+use spikelane_measure::report::today;
 
 use crate::shared::output::{Out, command_line, recorded};
 use crate::shared::outputs;

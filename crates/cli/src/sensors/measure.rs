@@ -6,10 +6,10 @@ use clap::Args as ClapArgs;
 use serde_json::json;
 
 use spikelane::error::Result;
-use spikelane_measure::{Line, MEANING, Motion, Recording, Summary, Told, TotalsLine, high_pass};
-use spikelane_measure::report::{Curve, Part, Table, bars, heat_map, page};
 use spikelane_io::simulate::Sidecar;
 use spikelane_io::storage::write_small;
+use spikelane_measure::report::{Curve, Part, Table, bars, heat_map, page};
+use spikelane_measure::{Line, MEANING, Motion, Recording, Summary, Told, TotalsLine, high_pass};
 
 use crate::shared::output::{Out, recorded};
 use crate::shared::outputs;
@@ -81,7 +81,7 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
         parts.push(Part::figure(plot, "Share of intervals by length."));
     }
     let title = format!("Measured: {}", recorded(&args.file));
-    write_small(path, page(&title, &parts)?.as_bytes(), args.force)
+    write_small(path, page(&title, &parts).as_bytes(), args.force)
 }
 
 /// What the line is, and its place.

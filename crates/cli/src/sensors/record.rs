@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args as ClapArgs, ValueEnum};
 
-use spikelane_calibrate::{Protocol, predict};
-use spikelane::effects::Camera;
-use spikelane::error::{Error, Result};
-use spikelane_io::formats::Layout;
-use spikelane_measure::report::with_known;
 use indicatif::DecimalBytes;
 use serde_json::{Value, json};
+use spikelane::effects::Camera;
+use spikelane::error::{Error, Result};
+use spikelane_calibrate::{Protocol, predict};
+use spikelane_io::formats::Layout;
+use spikelane_measure::report::with_known;
 
 use super::template;
 use crate::shared::camera::CameraArgs;

@@ -3,10 +3,10 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use spikelane::{Error, Geometry, Kind, Result};
 use spikelane_calibrate::UNTOLD;
 use spikelane_io::formats::Reader;
 use spikelane_io::simulate::Sidecar;
-use spikelane::{Error, Geometry, Kind, Result};
 use spikelane_io::storage;
 
 use crate::shared::stream::{file_name, spikes_in};

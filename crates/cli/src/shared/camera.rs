@@ -1,7 +1,7 @@
 //! Flags that describe a camera.
 
-use spikelane_io::light::Rate;
 use spikelane::{Camera, Error, Geometry, Kind, Result, effects, presets};
+use spikelane_io::light::Rate;
 
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct CameraArgs {

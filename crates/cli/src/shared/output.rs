@@ -5,9 +5,9 @@ use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::sync::Mutex;
 
+use serde_json::{Value, json};
 use spikelane::error::printable;
 use spikelane::{Error, Result};
-use serde_json::{Value, json};
 
 /// The two channels.
 #[derive(Clone, Copy, Debug)]

@@ -2,14 +2,14 @@
 
 use std::io::Cursor;
 
-use spikelane_io::formats::Reader;
+use image::{GrayImage, ImageFormat, Luma, imageops};
+use spikelane::reconstruct::{tfi_at, tfp};
+use spikelane::spikes::{Packed, bit};
 use spikelane::unstable::inputs;
 use spikelane::unstable::light::srgb_byte;
-use spikelane::reconstruct::{tfi_at, tfp};
-use spikelane_io::simulate::Glance;
-use spikelane::spikes::{Packed, bit};
 use spikelane::{Error, Geometry, Kind, Result};
-use image::{GrayImage, ImageFormat, Luma, imageops};
+use spikelane_io::formats::Reader;
+use spikelane_io::simulate::Glance;
 
 /// Readouts on either side in the sheet's TFP pictures: 8 ms at 20 kHz, in which a bar of the
 /// chart moves a quarter of its width.

@@ -4,13 +4,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-use spikelane::error::printable;
-use spikelane_measure::report::with_known;
-use spikelane::{Error, Kind, Result};
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 use serde_json::json;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::{SigId, flag};
+use spikelane::error::printable;
+use spikelane::{Error, Kind, Result};
+use spikelane_measure::report::with_known;
 
 use super::output::Out;
 

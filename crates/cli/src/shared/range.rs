@@ -3,8 +3,8 @@
 use std::ops::Range;
 use std::str::FromStr;
 
-use spikelane_io::formats::Crop;
 use spikelane::{Error, Kind};
+use spikelane_io::formats::Crop;
 
 /// Readouts `A..B`, `A..` or `..B`; B is not in it.
 #[derive(Clone, Copy, Debug, Default)]

@@ -3,8 +3,8 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-use spikelane_io::formats::Layout;
 use spikelane::{Error, Kind, Result};
+use spikelane_io::formats::Layout;
 
 /// Endings of files that are no stream of this program, though a person may hope so.
 const OTHERS: [&str; 12] =

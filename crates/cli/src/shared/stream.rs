@@ -4,12 +4,12 @@ use std::ops::Range;
 use std::path::Path;
 
 use super::output::Out;
-use spikelane_calibrate::RecordingSet;
-use spikelane_io::formats::{Layout, Lost, Opening, Origin, Reader, Readings};
+use clap::builder::PossibleValuesParser;
 use spikelane::unstable::kernels::counting;
 use spikelane::unstable::threads;
 use spikelane::{Error, Geometry, Kind, Result, spikes};
-use clap::builder::PossibleValuesParser;
+use spikelane_calibrate::RecordingSet;
+use spikelane_io::formats::{Layout, Lost, Opening, Origin, Reader, Readings};
 
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct StreamArgs {

@@ -4,8 +4,8 @@ use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 
-use spikelane_io::storage::Partial;
 use spikelane::{Error, Geometry, Kind, Result};
+use spikelane_io::storage::Partial;
 
 /// What is pushed, picture by picture.
 #[derive(Clone, Copy, Debug)]

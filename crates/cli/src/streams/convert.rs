@@ -2,14 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use spikelane_io::formats::{EVENTS, Finished, Layout, Opening, StreamWriter, convert, own_sidecar, write_events};
-use spikelane_measure::report::with_known;
-use spikelane_io::simulate::{Sidecar, StreamFacts, Written};
-use spikelane_io::storage::OutputSet;
-use spikelane::{Error, Geometry, Kind, Result};
 use clap::builder::PossibleValuesParser;
 use indicatif::DecimalBytes;
 use serde_json::json;
+use spikelane::{Error, Geometry, Kind, Result};
+use spikelane_io::formats::{
+    EVENTS, Finished, Layout, Opening, StreamWriter, convert, own_sidecar, write_events,
+};
+use spikelane_io::simulate::{Sidecar, StreamFacts, Written};
+use spikelane_io::storage::OutputSet;
+use spikelane_measure::report::with_known;
 
 use crate::shared::output::{Out, command_line};
 use crate::shared::outputs;

@@ -1,7 +1,7 @@
 //! `spikelane evaluate`: how good a picture the spikes give, with and without its clear original.
 
-use spikelane::{Error, Kind, Result};
 use serde_json::json;
+use spikelane::{Error, Kind, Result};
 
 use crate::shared::output::Out;
 use spikelane::unstable::inputs;

@@ -2,16 +2,16 @@
 
 use std::path::PathBuf;
 
-use spikelane::Result;
-use spikelane_io::formats::{Reader, Reading, Readings};
-use spikelane_measure::{Accumulator, MeasureOptions, summarise};
-use spikelane::reconstruct::tfp;
-use spikelane_measure::report::with_known;
-use spikelane_io::simulate::Sidecar;
-use spikelane::spikes::Packed;
-use spikelane_io::storage;
 use indicatif::DecimalBytes;
 use serde_json::json;
+use spikelane::Result;
+use spikelane::reconstruct::tfp;
+use spikelane::spikes::Packed;
+use spikelane_io::formats::{Reader, Reading, Readings};
+use spikelane_io::simulate::Sidecar;
+use spikelane_io::storage;
+use spikelane_measure::report::with_known;
+use spikelane_measure::{Accumulator, MeasureOptions, summarise};
 
 use crate::shared::output::Out;
 use crate::shared::outputs;

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use spikelane_io::storage::unfinished::{Unfinished, remove, unfinished};
-use spikelane::{Error, Result};
 use indicatif::DecimalBytes;
 use serde_json::json;
+use spikelane::{Error, Result};
+use spikelane_io::storage::unfinished::{Unfinished, remove, unfinished};
 
 use crate::shared::output::Out;
 

@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use spikelane_io::formats::Reader;
+use clap::ValueEnum;
+use serde_json::json;
 use spikelane::reconstruct::{isi_map, span, tfi_at, tfp};
 use spikelane::spikes::Packed;
 use spikelane::{Error, Kind, Result};
-use clap::ValueEnum;
-use serde_json::json;
+use spikelane_io::formats::Reader;
 
 use crate::shared::output::Out;
 use crate::shared::outputs;

@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use spikelane_io::formats::{EVENTS, Layout, Reader};
-use spikelane::unstable::inputs::Access;
-use spikelane_io::simulate::{Sidecar, StreamFacts};
-use spikelane::{Error, Geometry, Kind, Result};
-use spikelane_io::storage;
 use serde_json::json;
+use spikelane::unstable::inputs::Access;
+use spikelane::{Error, Geometry, Kind, Result};
+use spikelane_io::formats::{EVENTS, Layout, Reader};
+use spikelane_io::simulate::{Sidecar, StreamFacts};
+use spikelane_io::storage;
 
 use crate::shared::output::Out;
 use crate::shared::stream::{file_name, spikes_in};

@@ -1,7 +1,7 @@
 //! `spikelane completions`.
 
-use spikelane::Result;
 use clap_complete::{Shell, generate};
+use spikelane::Result;
 
 use crate::shared::output::Out;
 

@@ -1,9 +1,9 @@
 //! `spikelane effects`.
 
+use serde_json::json;
 use spikelane::effects::ALL;
 use spikelane::effects::definition::{Form, Param};
 use spikelane::{Result, effects};
-use serde_json::json;
 
 use crate::shared::output::Out;
 

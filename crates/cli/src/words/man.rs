@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use spikelane_io::storage;
-use spikelane::{Error, Result};
 use clap_mangen::Man;
+use spikelane::{Error, Result};
+use spikelane_io::storage;
 
 use crate::shared::output::Out;
 use crate::shared::outputs;

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use spikelane::effects::Maps;
-use spikelane_io::simulate::{CameraFacts, save_camera};
-use spikelane::{Result, Seeds, presets};
 use clap::Subcommand;
 use serde_json::json;
+use spikelane::effects::Maps;
+use spikelane::{Result, Seeds, presets};
+use spikelane_io::simulate::{CameraFacts, save_camera};
 
 use crate::shared::camera::Changes;
 use crate::shared::output::Out;

@@ -4,9 +4,9 @@
     pip install spikezoo
     git clone https://github.com/Zyj061/SpikeCV
     spikelane dataset -o set --kind tiny --images 200 --label-every 0 --structure spike-zoo
-    python tests/clients/read_dataset.py set
+    python crates/cli/tests/clients/read_dataset.py set
     spikelane dataset -o set-cv --kind tiny --images 200 --label-every 0
-    python tests/clients/read_dataset.py set-cv --spikecv SpikeCV
+    python crates/cli/tests/clients/read_dataset.py set-cv --spikecv SpikeCV
 
 Spike-Zoo: its BaseDataset finds streams and clear images, its TFPModel makes the picture, which is divided
 by the rate that the data set hands out, as its pipeline does.

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Machines whose clocks differ: a plan made today, one shard made by a machine ten days behind, another by one ten days ahead, and
 # both looked at again by all three. Nothing is made twice, and the digest is that of one machine. Needs Debian's faketime.
-#   tests/cluster/clocks.sh [PROGRAM] > tests/cluster/clocks.txt
+#   crates/cli/tests/cluster/clocks.sh [PROGRAM] > crates/cli/tests/cluster/clocks.txt
 set -euo pipefail
 program=$(realpath "${1:-target/debug/spikelane}")
 command -v faketime >/dev/null || { echo "clocks.sh: needs faketime" >&2; exit 2; }

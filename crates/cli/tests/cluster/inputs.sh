@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Many tiny inputs: memory and time of the plan, and how long it takes to see that nothing is left to do.
-#   tests/cluster/inputs.sh [PROGRAM] [INPUTS] > tests/cluster/inputs.txt
+#   crates/cli/tests/cluster/inputs.sh [PROGRAM] [INPUTS] > crates/cli/tests/cluster/inputs.txt
 set -euo pipefail
 program=$(realpath "${1:-target/debug/spikelane}")
 inputs=${2:-100000}

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Kills with SIGKILL at random moments: of `dataset run` (streams, labels, packs) and of `dataset merge`. After each, nothing
 # half-written may look finished, and in the end the digest has to be that of an undisturbed run.
-#   tests/cluster/kills.sh [PROGRAM] [KILLS] [SEED] [MINUTES] > tests/cluster/kills.txt
+#   crates/cli/tests/cluster/kills.sh [PROGRAM] [KILLS] [SEED] [MINUTES] > crates/cli/tests/cluster/kills.txt
 set -euo pipefail
 program=$(realpath "${1:-target/debug/spikelane}")
 kills=${2:-1000}

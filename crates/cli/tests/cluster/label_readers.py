@@ -1,6 +1,6 @@
 """Labels of a data set read by what users have, each compared with the arrays that the program wrote.
 
-python3 tests/cluster/label_readers.py SET [--spikecv CLONE]: pycocotools, motmetrics, TrackEval's readers of MOTChallenge and KITTI,
+python3 crates/cli/tests/cluster/label_readers.py SET [--spikecv CLONE]: pycocotools, motmetrics, TrackEval's readers of MOTChallenge and KITTI,
 pykitti's of calibrations, mlcroissant; SpikeCV's data_parameter_dict with a clone of it. Needs
 `pip install pycocotools motmetrics trackeval pykitti mlcroissant numpy pillow`; what is not installed is said to be left out.
 """

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # A file system without hard links: exFAT (through FUSE) on a loop device. Shards are made, kept, packed and merged; the folders
 # of loaders get copies. Needs root, and Debian's exfat-fuse and exfatprogs.
-#   tests/cluster/no-links.sh [PROGRAM] > tests/cluster/no-links.txt
+#   crates/cli/tests/cluster/no-links.sh [PROGRAM] > crates/cli/tests/cluster/no-links.txt
 set -euo pipefail
 program=$(realpath "${1:-target/debug/spikelane}")
 place=$(mktemp -d /tmp/spikelane-exfat.XXXXXX)

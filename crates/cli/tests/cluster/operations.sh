@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Operations of the file system for each sequence, counted with strace: of shards of one and of three sequences, so that what a
 # shard costs falls out, and with few and many files a sequence.
-#   tests/cluster/operations.sh [PROGRAM] > tests/cluster/operations.txt
+#   crates/cli/tests/cluster/operations.sh [PROGRAM] > crates/cli/tests/cluster/operations.txt
 set -euo pipefail
 program=$(realpath "${1:-target/debug/spikelane}")
 command -v strace >/dev/null || { echo "operations.sh: needs strace" >&2; exit 2; }

@@ -1,6 +1,6 @@
 """Packs and folders read by what users have: webdataset and Hugging Face's datasets, each compared with the files.
 
-python3 tests/cluster/readers.py PLAIN PACKED MERGED: the same dataset made by `dataset`, by shards with --pack, and by shards
+python3 crates/cli/tests/cluster/readers.py PLAIN PACKED MERGED: the same dataset made by `dataset`, by shards with --pack, and by shards
 without; needs `pip install webdataset datasets pillow`.
 """
 

@@ -4,11 +4,11 @@
 # Needs root and Debian's packages (installed if they are missing). Leaves nothing behind but its printed result.
 # The job is the one of docs/guides/clusters.md. With PYTHON, an interpreter that has Ray, a second folder is begun by Slurm and
 # finished by Ray with the guide's script.
-#   tests/cluster/slurm.sh [PROGRAM] [PYTHON] > tests/cluster/result.txt
+#   crates/cli/tests/cluster/slurm.sh [PROGRAM] [PYTHON] > crates/cli/tests/cluster/result.txt
 set -euo pipefail
 program=$(realpath "${1:-target/debug/spikelane}")
 python=${2:-}
-guide=$(realpath "$(dirname "$0")/../../../../docs/guides/clusters.md")
+guide=$(realpath "$(dirname "$0")/../../../../../../docs/guides/clusters.md")
 [ "$(id -u)" = 0 ] || { echo "slurm.sh: needs root for the node daemons and a small tmpfs" >&2; exit 2; }
 
 if ! command -v slurmctld >/dev/null || ! command -v slurmd >/dev/null || ! command -v sbatch >/dev/null; then

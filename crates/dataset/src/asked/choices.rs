@@ -4,10 +4,10 @@ use super::cameras::Cameras;
 use super::options::DatasetOptions;
 use super::splits::{Split, Splits};
 use super::work::Work;
-use spikelane::unstable::draws::hash::mix64;
-use spikelane::unstable::draws::{Seeds, Stream};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
+use spikelane::unstable::draws::hash::mix64;
+use spikelane::unstable::draws::{Seeds, Stream};
 use spikelane_scene::Lighting;
 
 impl DatasetOptions {

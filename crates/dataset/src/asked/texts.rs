@@ -9,9 +9,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use spikelane::error::Error;
 use spikelane_scene::{Lighting, SamplesPerPixel};
 
-pub(crate) fn read<'de, D: Deserializer<'de>, T: FromStr<Err = Error>>(
-    from: D,
-) -> Result<T, D::Error> {
+pub(crate) fn read<'de, D: Deserializer<'de>, T: FromStr<Err = Error>>(from: D) -> Result<T, D::Error> {
     String::deserialize(from)?.parse().map_err(|e: Error| {
         let parts = e.parts();
         D::Error::custom(format_args!("{}, expected {}", parts.found, parts.expected))

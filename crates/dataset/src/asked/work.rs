@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 use super::texts;
 use spikelane::error::{Error, Kind};
 use spikelane_io::light::{Fit, Insertion, Transfer};
-use spikelane_scene::{Lighting, SamplesPerPixel};
 use spikelane_io::simulate::ImageForm;
+use spikelane_scene::{Lighting, SamplesPerPixel};
 
 /// Which loaders find their folders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

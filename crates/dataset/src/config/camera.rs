@@ -7,9 +7,9 @@ use toml::{Table, Value};
 use crate::{Cameras, DatasetOptions};
 use spikelane::effects::Camera;
 use spikelane::error::{Error, Kind, Result};
-use spikelane::unstable::inputs::{Access, InnerPath, read_text};
 use spikelane::presets::{self, Distribution};
 use spikelane::units::Unit;
+use spikelane::unstable::inputs::{Access, InnerPath, read_text};
 
 /// The word for the library's own cameras to train on.
 const DISTRIBUTION: &str = "distribution";

@@ -13,7 +13,9 @@ use crate::record::{self, Record};
 use crate::stamp::{self, Stamp};
 use crate::{Entry, Status};
 use spikelane::error::{Error, Kind, Result};
-use spikelane::unstable::inputs::{Access, InnerPath, InputFile, Lines, MAX_TEXT_BYTES, if_found, read_bytes};
+use spikelane::unstable::inputs::{
+    Access, InnerPath, InputFile, Lines, MAX_TEXT_BYTES, if_found, read_bytes,
+};
 use spikelane_io::storage::{self, Digest, steps, trees};
 
 /// Its name in the shard's folder while sequences are missing.

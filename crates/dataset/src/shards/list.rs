@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use crate::from;
 use crate::stamp::{self, Stamp};
 use crate::{DatasetOptions, Inputs};
-use spikelane::unstable::draws::Stream;
 use spikelane::error::{Error, Kind, Result};
+use spikelane::unstable::draws::Stream;
 use spikelane::unstable::inputs::{Access, InnerPath, InputFile, PlainName, zeroed};
 use spikelane_io::storage::{Digest, steps, trees};
 

@@ -10,8 +10,8 @@ use serde::Serialize;
 use crate::{Entry, Manifest, Record, Status, frames};
 use spikelane::error::Result;
 use spikelane::unstable::inputs::{Access, InnerPath};
-use spikelane_io::simulate::Sidecar;
 use spikelane::unstable::threads;
+use spikelane_io::simulate::Sidecar;
 
 pub use page::html;
 

@@ -6,8 +6,8 @@ use sha2::{Digest as _, Sha256};
 use super::metadata;
 use crate::{DatasetOptions, Split};
 use spikelane::error::{Error, Kind, Result};
-use spikelane_measure::report::with_known;
 use spikelane_io::storage::{self, trees};
+use spikelane_measure::report::with_known;
 
 const NAME: &str = "croissant.json";
 

@@ -5,8 +5,8 @@ use serde_json::json;
 use crate::{DatasetOptions, Entry, Split};
 use spikelane::error::Result;
 use spikelane::unstable::inputs::InnerPath;
-use spikelane_measure::report::with_known;
 use spikelane_io::storage::{self, trees};
+use spikelane_measure::report::with_known;
 
 /// Its name in the folder of a split.
 pub(super) const NAME: &str = "metadata.jsonl";

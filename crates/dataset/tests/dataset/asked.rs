@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
+use spikelane::{Kind, presets};
 use spikelane_dataset::{Cameras, DatasetOptions, Drives, Split, Splits, Work};
 use spikelane_scene::Lighting;
-use spikelane::{Kind, presets};
 
 use crate::make::{drives, inputs, make, options};
 

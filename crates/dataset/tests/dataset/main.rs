@@ -2,8 +2,8 @@
 
 mod asked;
 mod make;
+mod scene_drive;
+mod scene_light;
 mod strangers;
 mod truth;
 mod views;
-mod scene_drive;
-mod scene_light;

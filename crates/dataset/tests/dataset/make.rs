@@ -4,12 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
+use spikelane::{Error, Geometry, Kind, Result, presets};
 use spikelane_dataset::{
-    self as dataset, DatasetOptions, Drives, Inputs, Manifest, Record, Report, Splits, Status, Structure, Work,
+    self as dataset, DatasetOptions, Drives, Inputs, Manifest, Record, Report, Splits, Status, Structure,
+    Work,
 };
 use spikelane_io::light::{Fit, Insertion};
 use spikelane_scene::Lighting;
-use spikelane::{Error, Geometry, Kind, Result, presets};
 
 pub(crate) fn options(output: &Path, work: Work) -> DatasetOptions {
     let mut camera = presets::builtin("physical").unwrap();

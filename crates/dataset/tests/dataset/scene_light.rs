@@ -1,12 +1,12 @@
 //! What a camera makes of the light of scenes: lamps that flicker, few electrons, and a tunnel's end.
 
-use spikelane_dataset::Drive;
 use spikelane::effects::Camera;
+use spikelane::{Geometry, Packed, Seeds, Simulator, presets};
+use spikelane_dataset::Drive;
 use spikelane_io::light::{Frame, Rate, Source};
+use spikelane_io::simulate::FrameRef;
 use spikelane_measure::{Accumulator, Line, MeasureOptions, spectrum};
 use spikelane_scene::{Lighting, SamplesPerPixel, Scene, SceneOptions};
-use spikelane_io::simulate::FrameRef;
-use spikelane::{Geometry, Packed, Seeds, Simulator, presets};
 
 const SIZE: (u32, u32) = (64, 40);
 

@@ -5,10 +5,10 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
+use spikelane::{Error, Kind};
 use spikelane_dataset::shards::{self, Merging, Plan, Running};
 use spikelane_dataset::{self as dataset, DatasetOptions};
 use spikelane_io::storage::Digest;
-use spikelane::{Error, Kind};
 
 use crate::make::{clip, drives, inputs, make, options};
 

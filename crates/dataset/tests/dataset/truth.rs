@@ -3,15 +3,15 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use spikelane::spikes::bit;
+use spikelane::{Geometry, Kind, presets};
 use spikelane_dataset::{
     self as dataset, DatasetOptions, Drive, Drives, Images, Inputs, Manifest, Record, Splits, Structure, Work,
 };
 use spikelane_io::formats::Reader;
 use spikelane_io::light::{self, Fit, Insertion, Timeline};
-use spikelane_scene::{Lighting, SamplesPerPixel, Scene, SceneOptions};
 use spikelane_io::simulate::{ImageForm, light_at};
-use spikelane::spikes::bit;
-use spikelane::{Geometry, Kind, presets};
+use spikelane_scene::{Lighting, SamplesPerPixel, Scene, SceneOptions};
 
 const WIDTH: usize = 48;
 const HEIGHT: usize = 32;

@@ -3,9 +3,9 @@
 use std::ops::Range;
 use std::sync::mpsc;
 
-use spikelane::error::{Error, Kind, Result};
 use crate::formats::layouts::copy_bits;
 use crate::formats::{Finished, Reader, StreamWriter};
+use spikelane::error::{Error, Kind, Result};
 use spikelane::spikes::{Crop, Geometry};
 use spikelane::unstable::threads;
 

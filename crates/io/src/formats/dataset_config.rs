@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use spikelane::error::{Error, Kind, Result};
-use spikelane::unstable::inputs::read_bytes;
 use spikelane::spikes::Geometry;
+use spikelane::unstable::inputs::read_bytes;
 
 const NAME: &str = "config.yaml";
 

@@ -3,12 +3,12 @@
 use std::ops::Range;
 use std::path::Path;
 
-use spikelane::error::{Error, Kind, Result};
 use crate::formats::convert::batches;
 use crate::formats::{Crop, Finished, Reader};
-use spikelane::unstable::npy::{self, Element};
-use spikelane::spikes::{self, firing_pixels};
 use crate::storage::{Digest, Writer};
+use spikelane::error::{Error, Kind, Result};
+use spikelane::spikes::{self, firing_pixels};
+use spikelane::unstable::npy::{self, Element};
 
 /// Bytes of an event: three numbers of 32 bits.
 const EVENT: u64 = 12;

@@ -3,15 +3,15 @@
 use std::io::{Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use spikelane::error::{Error, Kind, Result};
 use crate::formats::layouts::{self, Array, Axes, Entry, Meaning};
 use crate::formats::origin::{Lost, Origin};
 use crate::formats::reader::Reader;
 use crate::formats::sidecar::Facts;
 use crate::formats::source::{Place, Source};
 use crate::formats::{Codec, Layout, container, dataset_config, readings, sidecar, size};
-use spikelane::unstable::npy;
+use spikelane::error::{Error, Kind, Result};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::npy;
 
 /// How a stream is to be opened; what is `None` is found out.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::origin::{Lost, Origin};
 use super::source::{BLOCK, Buffers, Place, Source};
-use spikelane::error::{Error, Kind, Result};
 use crate::formats::{Codec, Layout};
+use spikelane::error::{Error, Kind, Result};
 use spikelane::spikes::Geometry;
 
 /// Numbers of lost readouts that a warning lists.

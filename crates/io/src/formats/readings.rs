@@ -5,11 +5,11 @@
 //! reading, by 0.3 and less under a wrong one. Flat and dark recordings have no such sign; so readings are
 //! compared with each other, and one is accused only when another is clearly better.
 
-use spikelane::error::{Error, Kind, Result};
 use crate::formats::layouts::{self, Axes};
 use crate::formats::{Codec, Layout, Origin, Reader, size};
-use spikelane::unstable::inputs;
+use spikelane::error::{Error, Kind, Result};
 use spikelane::spikes::{Geometry, bit};
+use spikelane::unstable::inputs;
 
 mod map;
 

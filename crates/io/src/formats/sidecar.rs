@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use spikelane::error::{Error, Kind, Result};
 use crate::formats::writer::own_sidecar;
 use crate::formats::{EVENTS, Layout};
-use spikelane::unstable::inputs::{MAX_TEXT_BYTES, read_bytes};
+use spikelane::error::{Error, Kind, Result};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::inputs::{MAX_TEXT_BYTES, read_bytes};
 
 /// What a sidecar says of a stream; keys it lacks are `None`, others are left alone.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! Does a file hold whole frames, and if not, what could it be?
 
-use spikelane::error::{Error, Kind, Result};
 use crate::formats::{Codec, Layout};
+use spikelane::error::{Error, Kind, Result};
 use spikelane::spikes::Geometry;
 
 /// Sizes of known cameras and data sets, for hints.

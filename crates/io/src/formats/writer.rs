@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use spikelane::error::{Error, Kind, Result};
 use crate::formats::{Codec, Layout};
-use spikelane::spikes::Geometry;
 use crate::storage::{Digest, Writer};
+use spikelane::error::{Error, Kind, Result};
+use spikelane::spikes::Geometry;
 use spikelane::unstable::threads;
 
 /// Bytes translated and digested in one go: they stay in the second-level cache

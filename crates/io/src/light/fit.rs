@@ -10,8 +10,8 @@ use std::str::FromStr;
 use image::imageops::{FilterType, resize};
 use image::{ImageBuffer, Luma, Primitive};
 
-use spikelane::light::{Frame, OwnedSamples};
 use spikelane::error::{Error, Kind, Result};
+use spikelane::light::{Frame, OwnedSamples};
 use spikelane::spikes::Geometry;
 
 /// How a picture is brought to the camera's size.

@@ -7,10 +7,10 @@
 
 use std::str::FromStr;
 
-use spikelane::error::{Error, Kind, Result};
 use crate::light::fit::Whole;
-use spikelane::light::{Frame, OwnedSamples};
+use spikelane::error::{Error, Kind, Result};
 use spikelane::light::Rate;
+use spikelane::light::{Frame, OwnedSamples};
 use spikelane::spikes::Geometry;
 
 /// How the camera moves. At time 0 it stands where a still picture would be.

@@ -6,12 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use super::fit::Fit;
-use spikelane::light::Source;
-use spikelane::light::Rate;
 use super::scaled::scaled;
-use spikelane::light::Transfer;
-use spikelane::effects::Camera;
-use spikelane::error::{Error, Kind, Result};
 use crate::Stdin;
 use crate::light::arrays::npy;
 use crate::light::arrays::npy::Array;
@@ -24,6 +19,11 @@ use crate::light::pictures::still::Still;
 use crate::light::video::ffmpeg::Decoded;
 use crate::light::video::y4m;
 use crate::light::video::y4m::Video;
+use spikelane::effects::Camera;
+use spikelane::error::{Error, Kind, Result};
+use spikelane::light::Rate;
+use spikelane::light::Source;
+use spikelane::light::Transfer;
 use spikelane::sensor::FrontEnd;
 use spikelane::spikes::Geometry;
 

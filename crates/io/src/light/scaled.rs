@@ -1,9 +1,9 @@
 //! Light in units of what a front end counts as full scale.
 
-use spikelane::light::{Frame, OwnedSamples, Source};
+use spikelane::error::Result;
 use spikelane::light::Rate;
 use spikelane::light::Transfer;
-use spikelane::error::Result;
+use spikelane::light::{Frame, OwnedSamples, Source};
 use spikelane::sensor::{FrontEnd, FullScale};
 use spikelane::spikes::Geometry;
 

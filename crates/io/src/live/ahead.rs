@@ -2,13 +2,13 @@
 
 use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
 
-use spikelane::error::Result;
 use crate::formats::Codec;
 use crate::live::clock::Clock;
 use crate::live::deliver::{Burst, Bursts, PIECE};
 use crate::live::pace::Pace;
 use crate::live::sink::Stop;
 use crate::simulate::Readouts;
+use spikelane::error::Result;
 
 /// Readouts that are simulated together where little is missing. Threads that share a core change places between steps, so
 /// a delivery may wait this long there: 1.2 ms of a 20 kHz camera, in about half of that time.

@@ -3,10 +3,10 @@
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
-use spikelane::error::Result;
 use crate::live::clock::Clock;
 use crate::live::pace::{Pace, Report};
 use crate::live::sink::{Delivery, Sink, Stop};
+use spikelane::error::Result;
 
 /// A wait is cut into pieces of this length, between which a request to stop is heard.
 pub(super) const PIECE: Duration = Duration::from_millis(50);

@@ -5,8 +5,8 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, channel, sync_channel}
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use spikelane::error::{Error, Kind, Result};
 use crate::live::sink::{Delivery, Policy, Sink, Stop, wait};
+use spikelane::error::{Error, Kind, Result};
 
 /// How long the end waits for a consumer that takes nothing once the user has asked to stop.
 const PATIENCE: Duration = Duration::from_millis(500);

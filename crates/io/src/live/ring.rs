@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering, fence};
 
-use spikelane::error::{Error, Kind, Result};
 use crate::formats::{Codec, Layout};
 use crate::live::sink::{Delivery, Policy, Sink, Stop, wait};
-use spikelane::spikes::Geometry;
 use crate::storage::Shared;
+use spikelane::error::{Error, Kind, Result};
+use spikelane::spikes::Geometry;
 
 /// The first word, `SPKRING1` in the order of its bytes; stored last, when all others are.
 const MAGIC: u64 = u64::from_le_bytes(*b"SPKRING1");

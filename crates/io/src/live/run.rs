@@ -1,6 +1,5 @@
 //! A camera that runs: one thread simulates ahead, another delivers.
 
-use spikelane::error::{Error, Kind, Result};
 use crate::formats::Codec;
 use crate::live::ahead::Ahead;
 use crate::live::clock::Clock;
@@ -8,6 +7,7 @@ use crate::live::deliver::{Bursts, Deliverer};
 use crate::live::pace::{Pace, Report};
 use crate::live::sink::{Sink, Stop};
 use crate::simulate::Readouts;
+use spikelane::error::{Error, Kind, Result};
 use spikelane::unstable::threads;
 
 /// Hands the readouts of `source`, encoded by `codec`, to `sink` at the pace of a camera whose first readout starts

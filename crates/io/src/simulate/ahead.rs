@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
 
-use spikelane::error::{Error, Kind, Result};
 use crate::light::{Frame, Rate, Source};
+use spikelane::error::{Error, Kind, Result};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::threads;
 

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
+use crate::light::{Between, Frame, Insertion, OwnedSamples, Source, Timeline};
 use spikelane::error::Result;
 use spikelane::unstable::kernels::{Light, Segment};
-use crate::light::{Between, Frame, Insertion, OwnedSamples, Source, Timeline};
 use spikelane::unstable::simulate::stops_before;
 
 /// Light of some readouts of a batch: one frame, or the way to the next.

@@ -1,12 +1,12 @@
 //! A run whose readouts are asked for as they are needed.
 
-use spikelane::error::Result;
-use spikelane::unstable::kernels::Segment;
 use crate::light::Source;
 use crate::simulate::feed::{Feeder, Piece};
 use crate::simulate::run::{HELD, Start};
 use crate::simulate::{Run, Simulator};
+use spikelane::error::Result;
 use spikelane::spikes::Geometry;
+use spikelane::unstable::kernels::Segment;
 
 /// The readouts of a [`Run`] in memory, some at a time; the bits are those of [`crate::simulate::run`].
 ///

@@ -3,18 +3,18 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use spikelane::unstable::draws::Seeds;
-use spikelane::effects::Camera;
-use spikelane::error::{Error, Kind, Result};
 use crate::formats::{Layout, StreamWriter};
-use spikelane::unstable::kernels::{Backend, Segment};
 use crate::light::{OwnedSamples, Source, Timeline};
-use spikelane::unstable::plan::Plan;
 use crate::simulate::Simulator;
 use crate::simulate::clear::looks::{Glance, Glances, Looks};
 use crate::simulate::feed::{self, Feeder, Piece};
 use crate::simulate::writing::{self, Stream, Writing};
 use crate::storage;
+use spikelane::effects::Camera;
+use spikelane::error::{Error, Kind, Result};
+use spikelane::unstable::draws::Seeds;
+use spikelane::unstable::kernels::{Backend, Segment};
+use spikelane::unstable::plan::Plan;
 
 /// Readouts between two writes: two of the simulator's batches.
 const READOUTS: usize = 256;

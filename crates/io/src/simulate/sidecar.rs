@@ -6,17 +6,17 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use spikelane::unstable::draws::Seeds;
+use crate::formats::{Layout, sidecar_paths};
+use crate::light::{Source, Transfer};
+use crate::simulate::{ImageFacts, ImageFile, Written};
+use crate::storage;
 use spikelane::effects::Camera;
 use spikelane::effects::definition::Form;
 use spikelane::error::{Error, Kind, Result};
-use crate::formats::{Layout, sidecar_paths};
-use spikelane::unstable::inputs::{Access, InnerPath, MAX_TEXT_BYTES, PlainName, read_bytes};
-use crate::light::{Source, Transfer};
 use spikelane::presets;
-use crate::simulate::{ImageFacts, ImageFile, Written};
 use spikelane::spikes::Geometry;
-use crate::storage;
+use spikelane::unstable::draws::Seeds;
+use spikelane::unstable::inputs::{Access, InnerPath, MAX_TEXT_BYTES, PlainName, read_bytes};
 
 /// One file of a run.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]

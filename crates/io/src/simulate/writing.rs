@@ -6,8 +6,8 @@
 
 use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
 
-use spikelane::error::{Error, Kind, Result};
 use crate::formats::StreamWriter;
+use spikelane::error::{Error, Kind, Result};
 use spikelane::spikes;
 use spikelane::unstable::threads;
 

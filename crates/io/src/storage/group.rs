@@ -3,9 +3,9 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use spikelane::error::{Error, Result};
 use crate::storage::partial::{Partial, directory, remove_old};
 use crate::storage::steps;
+use spikelane::error::{Error, Result};
 
 /// Files that are written under hidden names first and get their names together, so that a full disk or a request to
 /// stop leaves all old files or all new ones.

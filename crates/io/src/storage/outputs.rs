@@ -4,9 +4,9 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use spikelane::error::{Error, Kind, Result};
 use crate::storage::lock::LockFile;
 use crate::storage::partial::{directory, refuse_existing};
+use spikelane::error::{Error, Kind, Result};
 
 /// The name on which a process locks a folder of numbered files.
 const FOLDER_LOCK: &str = "folder";

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use spikelane::error::{Error, Kind, Result};
 use crate::storage::steps;
+use spikelane::error::{Error, Kind, Result};
 
 /// Tells apart the partial files of one process.
 static NEXT: AtomicU64 = AtomicU64::new(0);

@@ -7,10 +7,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use memmap2::{MmapOptions, MmapRaw};
 
-use spikelane::error::{Error, Kind, Result};
-use crate::storage::shortened::Watched;
 use crate::storage::platform::{reserve, same_file};
+use crate::storage::shortened::Watched;
 use crate::storage::writer::reserve_error;
+use spikelane::error::{Error, Kind, Result};
 
 /// Bytes of a word.
 const WORD: usize = 8;

@@ -163,6 +163,9 @@ mod tests {
             (b"precious".to_vec(), Vec::new())
         );
         symlink(top.path(), top.path().join("up")).unwrap();
-        assert_eq!(prepare(top.path(), &InnerPath::from("up/new")).unwrap_err().kind(), spikelane::Kind::Input);
+        assert_eq!(
+            prepare(top.path(), &InnerPath::from("up/new")).unwrap_err().kind(),
+            spikelane::Kind::Input
+        );
     }
 }

@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use spikelane::error::Result;
 use crate::storage::lock::{is_held, process_in};
 use crate::storage::steps::io;
+use spikelane::error::Result;
 
 /// A hidden file or folder of work that is not finished.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use memmap2::{MmapMut, MmapOptions};
 
-use spikelane::error::{Error, Kind, Result};
 use crate::storage::partial::{Partial, directory};
 use crate::storage::platform::{free_bytes, is_in_memory, reserve, write_all_at, write_back};
+use spikelane::error::{Error, Kind, Result};
 
 /// Bytes mapped at once. Large, so that the cost of moving on vanishes; small
 /// beside any memory, since this is all a writer keeps of a file of any length.

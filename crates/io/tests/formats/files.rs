@@ -4,10 +4,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
-use spikelane_io::formats::{Crop, Layout, Lost, Opening, Origin, Reader, StreamWriter, convert, write_events};
 use spikelane::spikes::{bit, set_bit};
-use spikelane_io::storage::{Digest, write_small};
 use spikelane::{Error, Geometry, Kind, Result};
+use spikelane_io::formats::{
+    Crop, Layout, Lost, Opening, Origin, Reader, StreamWriter, convert, write_events,
+};
+use spikelane_io::storage::{Digest, write_small};
 use tempfile::TempDir;
 
 fn geometry(width: u32, height: u32) -> Geometry {

@@ -1,9 +1,9 @@
 //! Every layout against rules written bit by bit.
 
 use proptest::prelude::*;
-use spikelane_io::formats::Layout;
 use spikelane::spikes::{bit, set_bit};
 use spikelane::{Geometry, Kind};
+use spikelane_io::formats::Layout;
 
 /// Spikes without rule; any pattern would do, it must only not repeat by rows.
 fn spikes(geometry: Geometry, seed: u64) -> Vec<u8> {

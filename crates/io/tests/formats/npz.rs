@@ -2,10 +2,10 @@
 
 use std::io::{Cursor, Write as _};
 
-use spikelane_io::formats::{Layout, Opening, Reader};
-use spikelane::unstable::npy::{Element, to_bytes};
 use spikelane::spikes::bit;
+use spikelane::unstable::npy::{Element, to_bytes};
 use spikelane::{Geometry, Kind};
+use spikelane_io::formats::{Layout, Opening, Reader};
 
 /// An archive of one deflated array of `u8`.
 fn archive(name: &str, shape: &[u64], values: Vec<u8>) -> Vec<u8> {

@@ -1,9 +1,9 @@
 //! Which reading a picture fits: wrong ones are accused, right ones never.
 
 use spikelane::Geometry;
+use spikelane::spikes::set_bit;
 use spikelane::unstable::draws::hash::mix64;
 use spikelane_io::formats::{Codec, Layout, Reader};
-use spikelane::spikes::set_bit;
 
 /// Uniform numbers in 0 to 1.
 struct Draws(u64);

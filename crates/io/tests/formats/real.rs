@@ -4,8 +4,8 @@
 use std::path::PathBuf;
 
 use spikelane::Geometry;
-use spikelane_io::formats::{Layout, Reader};
 use spikelane::spikes::count;
+use spikelane_io::formats::{Layout, Reader};
 
 fn recording(name: &str) -> Option<PathBuf> {
     let Some(folder) = std::env::var_os("SPIKELANE_REAL_DATA") else {

@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::PathBuf;
 
+use spikelane::{Error, Geometry, Kind, Result};
 use spikelane_io::formats::{Layout, Reader, StreamWriter, convert};
 use spikelane_io::storage::{Digest, Writer, write_small};
-use spikelane::{Error, Geometry, Kind, Result};
 use tempfile::TempDir;
 
 fn geometry(width: u32, height: u32) -> Geometry {

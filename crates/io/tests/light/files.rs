@@ -5,9 +5,9 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, Rgb, RgbImage, Rgba};
+use spikelane::{Error, Geometry, Kind};
 use spikelane_io::light::{Fit, Frame, InputOptions, Motion, Moving, OwnedSamples, Rate, Source, Transfer};
 use spikelane_io::light::{open, open_reader};
-use spikelane::{Error, Geometry, Kind};
 use tempfile::TempDir;
 
 fn camera(w: u32, h: u32) -> InputOptions {

@@ -29,8 +29,16 @@ fn expected(name: &str, color: [u8; 3], peak: f64) -> f64 {
 fn pictures_become_the_light_of_the_original_programs() {
     let gray = [40, 77, 128, 160, 201, 230].map(|code| [code; 3]);
     let color = [[201, 40, 30], [30, 150, 60], [60, 70, 220], [230, 210, 90], [90, 30, 120], [12, 160, 170]];
-    let names =
-        ["spcs", "spikecv", "spike-zoo", "spikecv-image", "scsim-code", "scsim-paper", "neuspike", "spikingsim"];
+    let names = [
+        "spcs",
+        "spikecv",
+        "spike-zoo",
+        "spikecv-image",
+        "scsim-code",
+        "scsim-paper",
+        "neuspike",
+        "spikingsim",
+    ];
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("picture.png");
     for colors in [gray, color] {

@@ -2,10 +2,10 @@
 
 use std::collections::VecDeque;
 
-use spikelane_io::light::{Between, Frame, Insertion, Objects, OwnedSamples, Rate, Source, Timeline};
 use spikelane::reconstruct::psnr;
-use spikelane_io::simulate::{Run, run};
 use spikelane::{Geometry, Kind, Result, Seeds, presets};
+use spikelane_io::light::{Between, Frame, Insertion, Objects, OwnedSamples, Rate, Source, Timeline};
+use spikelane_io::simulate::{Run, run};
 
 /// A smooth pattern without a period in the picture, moved by (dx, dy) pixels.
 fn pattern(geometry: Geometry, dx: f32, dy: f32) -> Frame {

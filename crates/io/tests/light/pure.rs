@@ -1,12 +1,12 @@
 //! Laws of frames, transfer functions, the timeline and the built-in chart.
 
 use proptest::prelude::*;
-use spikelane_io::light::natural::natural_cmp;
 use spikelane::unstable::chart;
+use spikelane::{Geometry, Kind};
+use spikelane_io::light::natural::natural_cmp;
 use spikelane_io::light::{
     Chart, Frame, Insertion, OwnedSamples, Rate, Source, Timeline, Transfer, luminance,
 };
-use spikelane::{Geometry, Kind};
 
 fn geometry(w: u32, h: u32) -> Geometry {
     Geometry::new(w, h).unwrap()

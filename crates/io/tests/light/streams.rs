@@ -5,11 +5,13 @@ use std::io::{Cursor, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use spikelane_io::light::ffmpeg::Decoded;
-use spikelane_io::light::picture::Linear;
-use spikelane_io::light::{Fit, Frame, InputOptions, OwnedSamples, Rate, Source, Transfer, open, open_reader};
 use spikelane::unstable::npy::Element;
 use spikelane::{Error, Geometry, Kind};
+use spikelane_io::light::ffmpeg::Decoded;
+use spikelane_io::light::picture::Linear;
+use spikelane_io::light::{
+    Fit, Frame, InputOptions, OwnedSamples, Rate, Source, Transfer, open, open_reader,
+};
 use tempfile::TempDir;
 
 fn camera(w: u32, h: u32) -> InputOptions {

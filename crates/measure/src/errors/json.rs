@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 
 use super::{MEANING, Motion, Recording, Told};
-use spikelane::error::{Error, Kind, Result};
 use crate::{Summary, TotalsLine, frame_total_lines, summarise};
+use spikelane::error::{Error, Kind, Result};
 use spikelane::unstable::threads;
 
 /// Everything that is told of a recording.

@@ -15,9 +15,9 @@ mod scatter;
 mod totals;
 mod values;
 
-use spikelane::error::Result;
 use crate::list::list_with;
 use crate::{Estimate, Named, Pair, Summary, summarise};
+use spikelane::error::Result;
 use spikelane::unstable::threads;
 
 use clusters::{NORMAL, clustered, widened};

@@ -1,8 +1,8 @@
 //! Whether the scene moved.
 
-use spikelane::unstable::draws::hash::mix64;
 use crate::estimate::median_and_spread;
 use crate::{finite, map_correlations, median};
+use spikelane::unstable::draws::hash::mix64;
 
 /// Pixels of a rate class.
 const CLASS: usize = 64;

@@ -8,13 +8,13 @@
 use super::part::{self, Part};
 use super::scatter::{Scatter, gap};
 use super::values::Quantity;
-use spikelane::error::Result;
-use spikelane_io::formats::Reader;
-use spikelane::unstable::inputs;
 use crate::stream::{bands, joined};
 use crate::{Accumulator, MeasureOptions, Statistics};
+use spikelane::error::Result;
 use spikelane::spikes::{Geometry, Packed};
+use spikelane::unstable::inputs;
 use spikelane::unstable::threads;
+use spikelane_io::formats::Reader;
 
 /// Readouts read at a time.
 const BATCH: usize = 248;

@@ -2,14 +2,12 @@
 
 use super::clusters::{clustered, widened, widened_root};
 use super::values::mean;
-use spikelane::unstable::kernels::counting;
 use crate::maps::{line_excess, line_means};
-use crate::{
-    borders, finite, high_pass, map_correlations, median, median_and_spread, pattern_correlations,
-};
-use spikelane::unstable::threads;
+use crate::{borders, finite, high_pass, map_correlations, median, median_and_spread, pattern_correlations};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
+use spikelane::unstable::kernels::counting;
+use spikelane::unstable::threads;
 
 /// Keys of the statistics of a pattern, in the order of [`values`]. Of the first four the values here are squares.
 pub(super) const KEYS: [&str; 12] = [

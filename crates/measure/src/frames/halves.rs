@@ -1,8 +1,8 @@
 //! Spikes in the halves of rows and columns of one readout.
 
 use super::pair_sums::{Lines, PairSums};
-use spikelane::unstable::kernels::{Bits, Counters, GROUPS, Shorts, TILE, Work, counting_with, load};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::kernels::{Bits, Counters, GROUPS, Shorts, TILE, Work, counting_with, load};
 
 /// Where the halves of a row lie in its words.
 pub(super) struct RowHalves {

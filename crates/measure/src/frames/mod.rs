@@ -8,13 +8,12 @@ use super::block::Block;
 use super::estimate::Estimate;
 use super::newest;
 use super::options::MeasureOptions;
-use spikelane::spikes::Geometry;
 use halves::{ColumnHalves, RowHalves};
 use pair_sums::PairSums;
+use spikelane::spikes::Geometry;
 
 /// A number and the readout where it was seen first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[derive(serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[non_exhaustive]
 pub struct Extreme {
     /// Readout, from 0.

@@ -5,8 +5,8 @@ use std::ops::Range;
 use super::super::estimate::Estimate;
 use super::fast::{self, Found};
 use super::pixel::CUMULATIVE;
-use spikelane::unstable::kernels::Shorts;
 use spikelane::spikes::Geometry;
+use spikelane::unstable::kernels::Shorts;
 
 /// Groups of rows that are counted apart, for the spread between them.
 const GROUPS: usize = 32;

@@ -4,10 +4,6 @@
 mod decode;
 mod fast;
 mod lengths;
-#[cfg_attr(
-    not(all(feature = "files", feature = "threads")),
-    allow(dead_code, reason = "only recordings are measured in parts")
-)]
 mod parts;
 mod pixel;
 mod readouts;
@@ -20,8 +16,6 @@ use std::ops::Range;
 
 use super::block::{Block, CAPACITY};
 use super::counts::NEVER;
-use spikelane::unstable::kernels::{Bits, Places, SLACK, Shorts, WORDS, Work, counting_with};
-use spikelane::spikes::{Geometry, set_bits};
 use decode::{Histories, History};
 use lengths::Tally;
 use parts::Open;
@@ -29,6 +23,8 @@ use pixel::Pixel;
 pub(super) use readouts::DeviationSum;
 use readouts::REFERENCE;
 use readouts::Readouts;
+use spikelane::spikes::{Geometry, set_bits};
+use spikelane::unstable::kernels::{Bits, Places, SLACK, Shorts, WORDS, Work, counting_with};
 
 pub(super) use decode::LONGEST_LAG;
 pub use lengths::Lengths;

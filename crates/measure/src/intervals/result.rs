@@ -70,8 +70,7 @@ pub struct Halves {
 }
 
 /// How the intervals that end at one readout deviate from their pixels' means.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[derive(serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct Deviation {
     /// The readout.

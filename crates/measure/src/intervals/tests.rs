@@ -6,8 +6,8 @@ use rand_pcg::rand_core::{Rng, SeedableRng};
 use super::super::block::{Block, CAPACITY};
 use super::super::newest;
 use super::{Intervals, Lengths, State};
-use spikelane::unstable::kernels::AnyCpu;
 use spikelane::spikes::{Geometry, set_bit};
+use spikelane::unstable::kernels::AnyCpu;
 
 /// Rates of silence, of rare and of dense words, and of every readout.
 const RATES: [f64; 7] = [0.0, 0.0005, 0.01, 0.05, 0.2, 0.6, 1.0];

@@ -31,8 +31,7 @@ use super::super::estimate::Estimate;
 use super::Intervals;
 
 /// Variance of spike times as `V(n) = n per_spike + constant`, in readouts squared.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[derive(serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct PhaseNoise {
     /// Growth per spike: shot noise and threshold noise.

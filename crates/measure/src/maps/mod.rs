@@ -189,8 +189,7 @@ fn high_pass_line(means: &[f64]) -> Vec<f64> {
 }
 
 /// Correlations of a map with itself, shifted by one pixel.
-#[derive(Clone, Copy, Debug)]
-#[derive(serde::Serialize)]
+#[derive(Clone, Copy, Debug, serde::Serialize)]
 #[non_exhaustive]
 pub struct Correlations {
     /// With the right neighbour.

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 use spikelane::effects::find;
-use spikelane_measure::{Recording, Told};
-use spikelane_io::simulate::{FrameRef, Simulator};
 use spikelane::spikes::{Geometry, Packed};
 use spikelane::{Camera, Seeds, presets};
+use spikelane_io::simulate::{FrameRef, Simulator};
+use spikelane_measure::{Recording, Told};
 
 pub(crate) const WIDTH: u32 = 32;
 pub(crate) const HEIGHT: u32 = 24;

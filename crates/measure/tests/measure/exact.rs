@@ -3,8 +3,8 @@
 
 use crate::measure_support::Stream;
 use proptest::prelude::*;
-use spikelane_measure::{Accumulator, MeasureOptions, Statistics};
 use spikelane::spikes::{Geometry, Packed};
+use spikelane_measure::{Accumulator, MeasureOptions, Statistics};
 
 fn options(split: Option<u32>, lags: Vec<u32>, longest_bin: u32) -> MeasureOptions {
     MeasureOptions::default().with_lags(lags).with_longest_bin(longest_bin).with_split(split)

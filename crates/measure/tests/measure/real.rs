@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
+use spikelane::spikes::{Geometry, Packed};
 use spikelane_measure::{
     Accumulator, MeasureOptions, Pair, Statistics, median_and_spread, select_smooth, summarise,
 };
-use spikelane::spikes::{Geometry, Packed};
 
 /// The static scene, flipped to the top row first, or why it is skipped.
 fn measured() -> Option<Statistics> {

@@ -4,13 +4,13 @@ use crate::measure_support::{Stream, uniform};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 use spikelane::effects::find;
+use spikelane::spikes::{Geometry, Packed};
+use spikelane::{Camera, Seeds, presets};
+use spikelane_io::simulate::{FrameRef, Simulator};
 use spikelane_measure::{
     Estimate, MeasureOptions, Recording, Told, high_pass, map_correlations, pattern_correlations, spectrum,
     summarise,
 };
-use spikelane_io::simulate::{FrameRef, Simulator};
-use spikelane::spikes::{Geometry, Packed};
-use spikelane::{Camera, Seeds, presets};
 
 fn recording(stream: &Stream) -> Recording {
     Recording::of_packed(Packed::new(stream.geometry, &stream.packed()).unwrap()).unwrap()

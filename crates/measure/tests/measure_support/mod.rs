@@ -5,8 +5,8 @@ pub(crate) mod intervals;
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
-use spikelane_measure::{Accumulator, MeasureOptions, NEVER, Pair, Statistics};
 use spikelane::spikes::{Geometry, Packed, set_bit};
+use spikelane_measure::{Accumulator, MeasureOptions, NEVER, Pair, Statistics};
 
 /// A stream as plain booleans: `[readout][pixel]`.
 pub(crate) struct Stream {

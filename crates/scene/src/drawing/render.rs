@@ -10,9 +10,9 @@ use super::raster::{NOTHING, Pattern};
 use super::see::{Seen, rows_of, see};
 use super::shade;
 use super::tiles::{BAND_ROWS, Tiles};
-use spikelane::error::Result;
 use crate::lighting::luminance;
 use crate::world::Scene;
+use spikelane::error::Result;
 use spikelane::unstable::threads;
 
 impl Scene {

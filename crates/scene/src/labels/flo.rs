@@ -3,8 +3,8 @@
 //! this project knows all of it, occluded pixels included.
 
 use super::expect_len;
-use spikelane::error::Result;
 use crate::truth::flow::Flow;
+use spikelane::error::Result;
 
 /// The bytes of a `.flo` file.
 ///

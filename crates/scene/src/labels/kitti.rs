@@ -6,9 +6,9 @@ use std::fmt::Write;
 use image::ExtendedColorType;
 
 use super::{expect_len, png};
-use spikelane::error::Result;
 use crate::truth::boxes::VehicleBox;
 use crate::truth::flow::Flow;
+use spikelane::error::Result;
 
 /// 16-bit samples in the machine's order, as the encoder wants them.
 fn words(values: impl Iterator<Item = u16>) -> Vec<u8> {

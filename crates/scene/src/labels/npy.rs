@@ -1,9 +1,9 @@
 //! NumPy arrays, version 1.0, little-endian, C order.
 
-use spikelane::error::Result;
-use spikelane::unstable::npy::{self, Element};
 use crate::drawing::picture::Labels;
 use crate::truth::flow::Flow;
+use spikelane::error::Result;
+use spikelane::unstable::npy::{self, Element};
 
 fn array<const N: usize>(
     element: Element,

@@ -3,11 +3,11 @@
 use image::ExtendedColorType;
 
 use super::{expect_len, png};
-use spikelane::error::Result;
 use crate::drawing::picture::{Labels, Rendered};
 use crate::shapes::material::Semantic;
 use crate::truth::boxes::VehicleBox;
 use crate::truth::flow::Flow;
+use spikelane::error::Result;
 
 fn picture(pixels: Vec<[u8; 3]>, width: usize, height: usize) -> Result<Vec<u8>> {
     expect_len("picture", pixels.len(), width * height)?;

@@ -60,13 +60,7 @@ pub(super) struct Work<'a> {
 impl Scene {
     /// Luminance at `times`, which lie within the drive; `first` is the render of the first of them, and at
     /// least one follows.
-    pub fn span(
-        &self,
-        first: Rendered,
-        times: &[f64],
-        samples: SamplesPerPixel,
-        threads: usize,
-    ) -> Span {
+    pub fn span(&self, first: Rendered, times: &[f64], samples: SamplesPerPixel, threads: usize) -> Span {
         let n = times.len() - 1;
         let last = self.rendered(times[n], samples, &self.tiles(), threads);
         let mut work = Work::new(self, first, &last, times, samples, threads);

@@ -150,9 +150,9 @@ pub(crate) fn mix(light: &mut [f32], late: &[f32], share: f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use spikelane::unstable::interpolation::catmull_rom;
     use crate::drawing::texture::noise::floor;
     use crate::{Lighting, SamplesPerPixel, SceneOptions};
+    use spikelane::unstable::interpolation::catmull_rom;
 
     /// Four pixels side by side take the same steps as one alone: the same bits.
     #[test]

@@ -2,14 +2,14 @@
 
 use super::times::{Line, Times};
 use crate::compare::scene::{LEAD, without_pattern};
-use spikelane::unstable::draws::pattern::Pattern;
-use spikelane::unstable::draws::{Seeds, Stream};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
-use spikelane::unstable::inputs;
-use spikelane_io::simulate::{FrameRef, Simulator};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::draws::pattern::Pattern;
+use spikelane::unstable::draws::{Seeds, Stream};
+use spikelane::unstable::inputs;
 use spikelane::unstable::threads;
+use spikelane_io::simulate::{FrameRef, Simulator};
 
 /// A camera without its own fixed pattern, and light that gives every pixel its measured rate.
 pub(super) struct Matched<'a> {

@@ -24,9 +24,9 @@ pub use windows::Window;
 use windows::{Cutter, Sample, lags, names, seen};
 
 use crate::compare::check_memory;
-use spikelane::unstable::draws::Seeds;
 use spikelane::effects::Camera;
 use spikelane::error::{Error, Kind, Result};
+use spikelane::unstable::draws::Seeds;
 use spikelane_io::formats::Reader;
 
 /// Fewest places of which a comparison is made.

@@ -3,9 +3,9 @@
 use super::times::Times;
 use crate::compare::steady::steady;
 use spikelane::error::Result;
+use spikelane::spikes::Geometry;
 use spikelane_io::formats::Reader;
 use spikelane_measure::box_means;
-use spikelane::spikes::Geometry;
 
 /// Half side of the surroundings.
 const RADIUS: usize = 5;

@@ -3,9 +3,9 @@
 use serde::Serialize;
 
 use super::times::{Line, Times};
-use spikelane::unstable::draws::Seeds;
 use spikelane::effects::Camera;
 use spikelane::error::Result;
+use spikelane::unstable::draws::Seeds;
 
 /// Lags of the variance of spike times that are listed.
 pub(super) const LAGS: [usize; 4] = [1, 8, 16, 32];

@@ -1,9 +1,9 @@
 //! Spike times of every pixel, and the lines through them.
 
 use spikelane::error::Result;
-use spikelane_io::formats::Reader;
-use spikelane::unstable::inputs;
 use spikelane::spikes::{Geometry, firing_pixels};
+use spikelane::unstable::inputs;
+use spikelane_io::formats::Reader;
 
 /// Spikes of a recording by pixel, in the order of time.
 pub(super) struct Times {

@@ -14,11 +14,11 @@ use crate::diagnose::null::metric::Metric;
 use crate::diagnose::null::reference::Reference;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::sensors::simulate;
+use nalgebra::{DMatrix, DVector};
+use spikelane::error::Result;
 use spikelane::unstable::draws::pattern::Pattern;
 use spikelane::unstable::draws::{Seeds, Stream};
-use spikelane::error::Result;
 use spikelane::unstable::threads;
-use nalgebra::{DMatrix, DVector};
 
 /// Simulations with redrawn numbers.
 const MANY: usize = 30;

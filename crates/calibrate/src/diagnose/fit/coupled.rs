@@ -11,9 +11,9 @@ use crate::diagnose::null::derivatives::step;
 use crate::diagnose::null::mean::average;
 use crate::diagnose::null::reference::Reference;
 use crate::diagnose::sensors::base::number_of;
+use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
-use nalgebra::{DMatrix, DVector};
 
 /// Changes per unit of the base knobs where `fit` stands: those of the base model, and what is plainly another change beside the
 /// fit's effects, by `count` pairs of pairs of simulations with the same draws. Nothing where no effect couples them.

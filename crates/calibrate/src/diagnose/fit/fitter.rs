@@ -4,8 +4,8 @@ use super::fit::Fit;
 use super::likelihood::Likelihood;
 use super::unlocated;
 use crate::diagnose::null::reference::Reference;
-use spikelane::error::Result;
 use nalgebra::DVector;
+use spikelane::error::Result;
 
 /// Fits models to the data of one set; other files of this room add what it does to a fit.
 #[derive(Clone, Copy, Debug)]

@@ -26,7 +26,11 @@ pub(in crate::diagnose) struct Likelihood {
 
 impl Likelihood {
     /// That of a model of which these are simulations; `events` are what numbers of events move.
-    pub(crate) fn of(reference: &Reference, simulations: &[DVector<f64>], events: &DMatrix<f64>) -> Result<Self> {
+    pub(crate) fn of(
+        reference: &Reference,
+        simulations: &[DVector<f64>],
+        events: &DMatrix<f64>,
+    ) -> Result<Self> {
         let plain = || Self::of_null(reference);
         if simulations.len() < 2 {
             return Ok(plain());

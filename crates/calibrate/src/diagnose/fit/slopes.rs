@@ -5,10 +5,10 @@ use super::fit::{Fit, Taken};
 use super::fitter::Fitter;
 use crate::diagnose::null::denoised::quiet;
 use crate::diagnose::null::mean::average;
+use nalgebra::{DMatrix, DVector};
 use spikelane::effects::definition::Scale;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
-use nalgebra::{DMatrix, DVector};
 
 /// Deviations of its noise, at worst, from which on a change is one, and simulations that can show it.
 const MOVED: f64 = 2.0;

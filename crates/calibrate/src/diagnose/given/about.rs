@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use super::base_model::{BaseNumber, LampFound};
-use crate::{Light, Pattern, RecordingSet};
 use crate::diagnose::protocol::recorded_set::Setup;
+use crate::{Light, Pattern, RecordingSet};
 
 /// A recording as it was judged.
 #[derive(Clone, Debug, PartialEq, Serialize)]

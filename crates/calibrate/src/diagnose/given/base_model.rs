@@ -2,13 +2,13 @@
 
 use serde::Serialize;
 
-use crate::{self as calibrate, Calibration, RecordingSet, Redrawn};
 use crate::diagnose::given::negative::kept;
 use crate::diagnose::given::reduced::reduced;
 use crate::diagnose::given::taken::{Both, Taken};
 use crate::diagnose::sensors::base::BASE;
 use crate::diagnose::sensors::published::published;
 use crate::diagnose::statistics::quantiles::Spread;
+use crate::{self as calibrate, Calibration, RecordingSet, Redrawn};
 use spikelane::effects::definition::Form;
 use spikelane::effects::{
     Camera, Definition, Maps, bias_voltage, dark_current, prnu, shot_noise, start_phase, thermal_noise,

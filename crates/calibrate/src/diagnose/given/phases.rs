@@ -134,9 +134,9 @@ fn apart(scan: &Scan, readouts: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use spikelane::spikes::Geometry;
     use spikelane::unstable::draws::pattern::Pattern;
     use spikelane::unstable::draws::{Seeds, Stream};
-    use spikelane::spikes::Geometry;
 
     /// 48x48 pixels of rate 0.03 with a spread of a tenth, which begin with charges over this share of a threshold.
     fn begun(share: f64) -> Scan {

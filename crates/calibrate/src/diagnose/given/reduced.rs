@@ -51,9 +51,9 @@ fn with_dark(camera: Camera, dark: &[f64]) -> Result<Camera> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use spikelane::effects::Maps;
     use spikelane::unstable::draws::pattern::Pattern;
     use spikelane::unstable::draws::{Seeds, Stream};
-    use spikelane::effects::Maps;
 
     /// What a camera whose map holds `current` of 4,000 normal draws amounts to: mean, spread and tail.
     fn of(current: impl Fn(f64) -> f64) -> [f64; 3] {

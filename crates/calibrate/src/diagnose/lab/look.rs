@@ -6,10 +6,10 @@ use super::level::level;
 use super::levels::odd;
 use super::motion::{moves, strangers};
 use super::swing::swings;
-use crate::{Level, Light, Pattern, RecordingSet};
 use crate::diagnose::protocol::recorded_set::{LAMP, Setup};
 use crate::diagnose::recording::scan::Scan;
 use crate::diagnose::statistics::quantiles::Spread;
+use crate::{Level, Light, Pattern, RecordingSet};
 
 /// What was seen.
 pub(in crate::diagnose) struct Seen {

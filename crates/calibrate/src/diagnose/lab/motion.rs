@@ -1,9 +1,9 @@
 //! Scenes that move, and recordings that are not of this sensor as the set describes it.
 
 use super::fault::{Fault, FaultKind};
-use crate::{Level, alike};
 use crate::diagnose::protocol::recorded::Scene;
 use crate::diagnose::recording::scan::Scan;
+use crate::{Level, alike};
 
 /// Correlation of two recordings' patterns that one sensor has, and that two have.
 const OWN: f64 = 0.5;

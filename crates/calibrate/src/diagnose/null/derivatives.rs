@@ -14,9 +14,9 @@ use crate::diagnose::sensors::knob::Knob;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::all::vector;
+use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
-use nalgebra::{DMatrix, DVector};
 
 /// Simulations for a derivative, on a sensor of so many pixels, where each tells as much as several, and on one of so many;
 /// on a smaller one as many more as it has fewer pixels, up to a limit.

@@ -3,9 +3,9 @@
 use super::metric::{Metric, noise};
 use super::redraw::Redrawn;
 use super::signature::Signature;
+use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
-use nalgebra::{DMatrix, DVector};
 
 /// Parts of the null that are judged by the rest of it.
 const FOLDS: usize = 5;

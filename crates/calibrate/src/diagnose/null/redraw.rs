@@ -7,11 +7,11 @@ use super::watched::count;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
+use nalgebra::{DMatrix, DVector};
+use spikelane::error::Result;
 use spikelane::unstable::draws::pattern::Pattern;
 use spikelane::unstable::draws::{Seeds, Stream};
-use spikelane::error::Result;
 use spikelane::unstable::threads;
-use nalgebra::{DMatrix, DVector};
 
 /// Simulations with the fitted numbers redrawn from their posterior.
 pub(super) const REDRAWN: usize = 120;

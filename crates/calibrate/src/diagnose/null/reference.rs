@@ -16,10 +16,10 @@ use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::remembered::Remembered;
 use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::entry::Statistic;
+use nalgebra::{DMatrix, DVector};
 use spikelane::effects::{Camera, Catalogue, Definition};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
-use nalgebra::{DMatrix, DVector};
 
 /// Simulations of the half that judges, where one set is cut in two.
 const HALVES: usize = 24;

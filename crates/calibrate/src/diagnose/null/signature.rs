@@ -4,9 +4,9 @@ use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::catalogue::Candidate;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
+use nalgebra::DVector;
 use spikelane::effects::definition::Scale;
 use spikelane::error::Result;
-use nalgebra::DVector;
 
 /// How a candidate shows at one position.
 #[derive(Clone, Debug)]

@@ -12,10 +12,10 @@ use crate::diagnose::sensors::catalogue::Candidate;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::entry::Statistic;
+use nalgebra::{DMatrix, DVector};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
-use nalgebra::{DMatrix, DVector};
 
 /// Simulations at the base model's own numbers.
 pub(super) const FIXED: usize = 80;

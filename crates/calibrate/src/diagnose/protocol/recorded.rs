@@ -1,9 +1,9 @@
 //! One recording of a set: its light and what can be looked at in it.
 
 use super::still::Still;
-use crate::{Light, Pattern};
 use crate::diagnose::recording::scan::Look;
 use crate::diagnose::recording::stretches::STEADY;
+use crate::{Light, Pattern};
 
 /// Rates up to this have all intervals looked at.
 const DIM: f64 = 0.25;

@@ -5,8 +5,8 @@ use super::recorded::Scene;
 use super::still::Still;
 use crate::{Light, Pattern, Recording, RecordingSet};
 use spikelane::error::{Error, Kind, Result};
-use spikelane::unstable::inputs;
 use spikelane::spikes::Geometry;
+use spikelane::unstable::inputs;
 
 /// Fewest readouts of a recording that can be judged.
 const FEWEST: usize = 256;

@@ -5,10 +5,10 @@ use std::hash::{Hash as _, Hasher};
 use crate::diagnose::recording::pixel::PixelScan;
 use crate::diagnose::recording::scan::{Look, Scan, scan};
 use spikelane::error::{Error, Kind, Result};
-use spikelane_io::formats::Reader;
-use spikelane::unstable::inputs;
-use spikelane_measure::select_smooth;
 use spikelane::spikes::Packed;
+use spikelane::unstable::inputs;
+use spikelane_io::formats::Reader;
+use spikelane_measure::select_smooth;
 
 /// Radius of the neighbourhood whose mean stands for the scene.
 const SURFACE: usize = 2;

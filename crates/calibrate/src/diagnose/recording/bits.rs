@@ -4,9 +4,9 @@
 
 use super::pixel::PixelScan;
 use spikelane::error::Result;
+use spikelane::spikes::{Geometry, Packed};
 use spikelane::unstable::inputs;
 use spikelane::unstable::kernels::{Bits, Shorts, Work, counting_with};
-use spikelane::spikes::{Geometry, Packed};
 use spikelane::unstable::threads;
 
 /// Runs of pixels that are looked at side by side. A fixed number: sums of parts depend on where they are cut.

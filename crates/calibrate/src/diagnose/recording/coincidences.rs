@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::bits::{PixelBits, coincidences, word_at};
 use super::pixel::PixelScan;
-use spikelane::unstable::kernels::counting;
 use spikelane::spikes::Packed;
+use spikelane::unstable::kernels::counting;
 use spikelane::unstable::threads;
 
 /// Spikes of each readout, and bits that changed from one to the next.

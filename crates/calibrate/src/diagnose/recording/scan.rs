@@ -11,10 +11,10 @@ use super::pixel::PixelScan;
 use super::stretches::SETTLED;
 use super::stretches::{Stretch, stretches};
 use spikelane::error::Result;
-use spikelane::unstable::kernels::{Bits, ROOM, SLACK, Shorts, Work, counting_with};
-use spikelane_measure::{Motion, motion};
 use spikelane::spikes::{Geometry, Packed};
+use spikelane::unstable::kernels::{Bits, ROOM, SLACK, Shorts, Work, counting_with};
 use spikelane::unstable::threads;
+use spikelane_measure::{Motion, motion};
 
 /// What a scene makes worth looking at.
 #[derive(Clone, Copy, Debug, Default)]

@@ -9,10 +9,10 @@ use crate::diagnose::null::simulated::Begun;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
+use nalgebra::{DMatrix, DVector};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
-use nalgebra::{DMatrix, DVector};
 
 /// Simulations of the mean at least, and steps at most.
 const MEAN: usize = 24;

@@ -12,9 +12,9 @@ use crate::diagnose::fit::unlocated::allowing;
 use crate::diagnose::null::metric::Metric;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::null::signature::reach;
+use nalgebra::DVector;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
-use nalgebra::DVector;
 
 /// Furthest that a signature is stretched: beyond, another one of the same effect is nearer.
 const FURTHEST: f64 = 8.0;

@@ -17,7 +17,10 @@ pub(in crate::diagnose) struct Pinned {
 
 impl Pinned {
     /// Those of `located` that a model with these effects has.
-    pub(crate) fn new<'a>(located: &Arc<Located>, effects: impl Iterator<Item = &'a Definition> + Clone) -> Self {
+    pub(crate) fn new<'a>(
+        located: &Arc<Located>,
+        effects: impl Iterator<Item = &'a Definition> + Clone,
+    ) -> Self {
         let has = |k: usize| effects.clone().any(|effect| kind(effect) == Some(k));
         Self { located: located.clone(), kinds: std::array::from_fn(has) }
     }

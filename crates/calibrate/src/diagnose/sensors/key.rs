@@ -33,9 +33,9 @@ mod tests {
     use super::super::fixed::Pinned;
     use super::super::simulate::values;
     use super::*;
-    use crate::{Light, Pattern};
     use crate::diagnose::events::located::Located;
     use crate::diagnose::kept::folder::RESULTS_VERSION;
+    use crate::{Light, Pattern};
     use spikelane::effects::{Catalogue, dead_time, dropped_readouts};
     use spikelane::spikes::Geometry;
 

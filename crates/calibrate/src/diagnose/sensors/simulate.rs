@@ -6,7 +6,6 @@ use super::fixed::replaced;
 use super::key::hash;
 use super::sample::Sample;
 use super::still;
-use crate::{Light, Pattern};
 use crate::diagnose::events::places::put_in;
 use crate::diagnose::protocol::recorded::Scene;
 use crate::diagnose::protocol::recorded_set::Setup;
@@ -14,15 +13,16 @@ use crate::diagnose::recording::scan::{Scan, scan};
 use crate::diagnose::statistics::all::vector;
 use crate::diagnose::statistics::entry::Statistic;
 use crate::diagnose::statistics::entry::Vector;
-use spikelane::unstable::draws::Seeds;
+use crate::{Light, Pattern};
 use spikelane::effects::{Camera, Model};
 use spikelane::error::Result;
-use spikelane::unstable::inputs;
 use spikelane::pixel::Op;
-use spikelane::unstable::plan::Plan;
-use spikelane_io::simulate::{FrameRef, Simulator};
 use spikelane::spikes::{Geometry, Packed};
+use spikelane::unstable::draws::Seeds;
+use spikelane::unstable::inputs;
+use spikelane::unstable::plan::Plan;
 use spikelane::unstable::threads;
+use spikelane_io::simulate::{FrameRef, Simulator};
 
 /// The entries of the vector.
 pub(in crate::diagnose) fn statistics(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vec<Statistic>> {

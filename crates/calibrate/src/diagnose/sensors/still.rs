@@ -7,13 +7,13 @@ use crate::diagnose::protocol::still::Still;
 use crate::diagnose::recording::scan::{Look, Scan, scan};
 use crate::diagnose::statistics::entry::Vector;
 use crate::diagnose::statistics::rate_maps;
-use spikelane::unstable::draws::Seeds;
 use spikelane::effects::{Camera, start_phase};
 use spikelane::error::Result;
+use spikelane::spikes::Packed;
+use spikelane::unstable::draws::Seeds;
 use spikelane::unstable::inputs;
 use spikelane::unstable::plan::Plan;
 use spikelane_io::simulate::{FrameRef, Simulator};
-use spikelane::spikes::Packed;
 
 /// Readouts before the recording, in which models that start in step lose it.
 const LEAD: usize = 200;

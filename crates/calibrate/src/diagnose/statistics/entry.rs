@@ -18,7 +18,13 @@ pub(in crate::diagnose) struct Vector {
 }
 
 impl Vector {
-    pub(crate) fn push(&mut self, recording: impl Into<Option<usize>>, name: &'static str, value: f64, floor: f64) {
+    pub(crate) fn push(
+        &mut self,
+        recording: impl Into<Option<usize>>,
+        name: &'static str,
+        value: f64,
+        floor: f64,
+    ) {
         self.statistics.push(Statistic { recording: recording.into(), name, floor });
         self.values.push(if value.is_finite() { value } else { 0.0 });
     }

@@ -2,8 +2,8 @@
 
 use super::entry::Vector;
 use super::maps::{self, Map};
-use crate::{RecordingSet, observe};
 use crate::diagnose::protocol::recorded_set::Setup;
+use crate::{RecordingSet, observe};
 use spikelane::error::{Error, Kind, Result};
 
 /// Statistics of measured rate maps: the darkest and the brightest of them.

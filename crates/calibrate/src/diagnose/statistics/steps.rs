@@ -5,11 +5,11 @@ use super::entry::ln;
 use super::lines::Lines;
 use super::maps::Map;
 use super::quantiles::Spread;
-use crate::{Light, Pattern};
 use crate::diagnose::protocol::recorded::Scene;
 use crate::diagnose::recording::scan::{Scan, dark_windows};
 use crate::diagnose::recording::stretches::STEADY;
 use crate::diagnose::recording::stretches::Stretch;
+use crate::{Light, Pattern};
 
 /// Windows after an edge, in readouts.
 const WINDOWS: [(usize, usize); 4] = [(2, 20), (20, 60), (60, 120), (120, 300)];

@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::PossibleValuesParser;
 
-use spikelane::Result;
 use crate::shared::camera::CameraArgs;
 use crate::shared::output::Out;
 use crate::shared::seeds::{SceneSeed, SeedArgs};
 use crate::shared::threads::ThreadArgs;
+use spikelane::Result;
 use spikelane_dataset::{Cameras, DatasetOptions, Drives, Images, Inputs, Splits, Structure, Work, config};
 use spikelane_io::light::{Fit, Insertion, Transfer};
-use spikelane_scene::Lighting;
 use spikelane_io::simulate::ImageForm;
+use spikelane_scene::Lighting;
 
 /// What a dataset is asked to be.
 #[derive(clap::Args, Clone, Debug)]

@@ -8,8 +8,8 @@ use serde_json::json;
 use super::said::{say_apart, say_copied};
 use crate::shared::output::Out;
 use crate::shared::progress::{Files, stop_flag};
-use spikelane_dataset::shards::{self, Merging, Plan};
 use spikelane::{Error, Kind, Result};
+use spikelane_dataset::shards::{self, Merging, Plan};
 
 /// Verify all shards and make the dataset of them
 ///

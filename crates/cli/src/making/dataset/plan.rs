@@ -6,9 +6,9 @@ use serde_json::json;
 use super::description::Description;
 use super::said::say_skipped;
 use crate::shared::output::Out;
+use spikelane::{Error, Result};
 use spikelane_dataset::Work;
 use spikelane_dataset::shards::Plan;
-use spikelane::{Error, Result};
 
 /// Plan a dataset in shards, which any machine makes in any order
 ///

@@ -9,12 +9,12 @@ use crate::shared::output::Out;
 use crate::shared::outputs;
 use crate::shared::picture::{around, bright, grey, spikes_picture};
 use crate::shared::video::{Pictures, Video};
-use spikelane_dataset::{Entry, Manifest, Status};
-use spikelane_io::formats::Reader;
-use spikelane::unstable::inputs::{Access, InnerPath};
 use spikelane::reconstruct::tfp;
 use spikelane::spikes::Packed;
+use spikelane::unstable::inputs::{Access, InnerPath};
 use spikelane::{Error, Geometry, Kind, Result};
+use spikelane_dataset::{Entry, Manifest, Status};
+use spikelane_io::formats::Reader;
 
 /// Pictures a second of the video.
 const FPS: f64 = 25.0;

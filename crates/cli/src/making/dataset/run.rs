@@ -8,8 +8,8 @@ use super::said::say_apart;
 use super::watcher::Watcher;
 use crate::shared::output::Out;
 use crate::shared::threads::ThreadArgs;
-use spikelane_dataset::shards::{self, Plan, Running, numbers};
 use spikelane::{Error, Kind, Result};
+use spikelane_dataset::shards::{self, Plan, Running, numbers};
 
 /// Make what is missing of a shard; the same command, given again, goes on
 ///

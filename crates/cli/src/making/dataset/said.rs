@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use spikelane::Result;
 use crate::shared::output::Out;
+use spikelane::Result;
 use spikelane_dataset::{self as dataset, DatasetOptions, Inputs};
 
 /// Names the files of a folder of inputs that become no sequence.

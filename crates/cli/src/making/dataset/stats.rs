@@ -7,9 +7,9 @@ use serde_json::json;
 
 use crate::shared::output::Out;
 use crate::shared::outputs;
+use spikelane::{Error, Kind, Result};
 use spikelane_dataset::stats::{Stats, html, number, stats};
 use spikelane_io::storage;
-use spikelane::{Error, Kind, Result};
 
 /// Say what a dataset holds: splits, light, cameras, rates, motion, boxes
 #[derive(clap::Args, Clone, Debug)]

@@ -7,9 +7,9 @@ use serde_json::json;
 
 use crate::shared::output::Out;
 use crate::shared::progress::stop_flag;
+use spikelane::{Error, Kind, Result};
 use spikelane_dataset::shards::{self, Plan, Standing, numbers};
 use spikelane_measure::report::with_known;
-use spikelane::{Error, Kind, Result};
 
 /// Say which shards are done, at work and missing
 #[derive(clap::Args, Clone, Debug)]

@@ -8,10 +8,10 @@ use serde_json::json;
 
 use crate::shared::output::Out;
 use crate::shared::progress::{Stop, left, stop_flag};
-use spikelane_dataset::Progress;
 use spikelane::error::printable;
-use spikelane_measure::report::with_known;
 use spikelane::{Error, Kind, Result};
+use spikelane_dataset::Progress;
+use spikelane_measure::report::with_known;
 
 /// Between two JSON events.
 const PERIOD: Duration = Duration::from_millis(500);

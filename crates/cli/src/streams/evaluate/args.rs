@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use crate::shared::stream::StreamArgs;
+use spikelane::{Error, Kind, Result};
 use spikelane_io::formats::Reader;
 use spikelane_io::light::Transfer;
 use spikelane_io::simulate::Sidecar;
-use spikelane::{Error, Kind, Result};
 
 use super::picture::Wanted;
 use super::truth::{Curve, Truth};

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use crate::shared::output::Out;
 use crate::shared::picture::moments;
 use crate::shared::progress::{Progress, stop_flag};
-use spikelane_io::formats::Reader;
+use serde_json::json;
 use spikelane::reconstruct::Reference;
 use spikelane::unstable::threads;
 use spikelane::{Error, Kind, Result};
-use serde_json::json;
+use spikelane_io::formats::Reader;
 
 use super::args::Args;
 use super::picture::{Beside, INTERVAL, Mean, Method, Picture, means, pictures, tables};

@@ -1,9 +1,9 @@
 //! What is said of a picture, as numbers that are always finite.
 
-use spikelane_measure::picture_noise::{difference_noise, patch_noise};
+use serde_json::{Map, Value, json};
 use spikelane::reconstruct::{Detail, Reference, detail, psnr, ssim};
 use spikelane::{Geometry, Result};
-use serde_json::{Map, Value, json};
+use spikelane_measure::picture_noise::{difference_noise, patch_noise};
 
 use super::truth::Truth;
 

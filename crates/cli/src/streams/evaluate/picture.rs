@@ -3,12 +3,12 @@
 use std::ops::Range;
 
 use crate::shared::picture::around;
-use spikelane_io::formats::Reader;
+use clap::ValueEnum;
+use serde_json::{Value, json};
 use spikelane::reconstruct::{Tfi, blurred, span, tfi_at, tfp};
 use spikelane::spikes::Packed;
 use spikelane::{Geometry, Result};
-use clap::ValueEnum;
-use serde_json::{Value, json};
+use spikelane_io::formats::Reader;
 
 use super::marks::{DETAIL, HEADER, Marks};
 use super::still::Still;

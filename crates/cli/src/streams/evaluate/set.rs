@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use crate::shared::output::Out;
-use spikelane_dataset::{Manifest, Record, Status};
+use serde_json::{Value, json};
 use spikelane::unstable::inputs::{Access, InnerPath};
 use spikelane::{Error, Kind, Result};
-use serde_json::{Value, json};
+use spikelane_dataset::{Manifest, Record, Status};
 
 use super::args::Args;
 use super::picture::{Beside, Picture, means, pictures, tables};

@@ -4,11 +4,11 @@ use std::ops::Range;
 use std::path::Path;
 
 use crate::shared::picture::around;
-use spikelane_calibrate::compare::steady;
-use spikelane_io::formats::Reader;
 use spikelane::reconstruct::{Reference, tfp};
 use spikelane::spikes::Packed;
 use spikelane::{Error, Kind, Result};
+use spikelane_calibrate::compare::steady;
+use spikelane_io::formats::Reader;
 
 /// Readouts on either side that are looked at.
 pub(super) const REACH: usize = 4096;

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
+use serde_json::Value;
+use spikelane::reconstruct::Reference;
+use spikelane::{Error, Geometry, Kind, Result};
 use spikelane_dataset::Record;
 use spikelane_io::light::picture::{Linear, read};
 use spikelane_io::light::{Transfer, srgb_code};
-use spikelane::reconstruct::Reference;
 use spikelane_io::simulate::Sidecar;
-use spikelane::{Error, Geometry, Kind, Result};
-use serde_json::Value;
 
 /// A clear image, and the rate of its white.
 pub(crate) struct Truth {

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use spikelane::unstable::npy::{self, Element};
-use spikelane_io::storage::Writer;
 use spikelane::{Geometry, Result};
+use spikelane_io::storage::Writer;
 
 use super::sinks::Sink;
 

@@ -4,9 +4,9 @@ use std::io::Read;
 
 use super::Array;
 use spikelane::error::{Error, Kind, Result};
+use spikelane::spikes::{Geometry, set_bit};
 use spikelane::unstable::inputs;
 use spikelane::unstable::npy::Element;
-use spikelane::spikes::{Geometry, set_bit};
 
 /// Largest packed stream held in memory.
 const MAX_PACKED: u64 = 1 << 30;

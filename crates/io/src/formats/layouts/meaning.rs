@@ -3,8 +3,8 @@
 use super::layout::Layout;
 use super::{Array, Axes, is_mapped, other_geometry};
 use spikelane::error::{Error, Kind, Result};
-use spikelane::unstable::npy;
 use spikelane::spikes::Geometry;
+use spikelane::unstable::npy;
 
 /// What an array's elements are.
 pub(crate) enum Meaning {

@@ -2,8 +2,8 @@
 
 use super::bits::copy_bits;
 use spikelane::error::{Error, Kind, Result};
-use spikelane::unstable::npy::{self, Element, Header};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::npy::{self, Element, Header};
 
 /// What a header says of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

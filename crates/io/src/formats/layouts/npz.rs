@@ -8,12 +8,12 @@
 use std::io::{Read, Seek};
 
 use super::{Array, Axes, Packing, meaning, pack};
-use spikelane::error::{Error, Kind, Result};
-use crate::formats::source::Source;
-use spikelane::unstable::inputs;
 use crate::Archive;
-use spikelane::unstable::npy::{Element, Header};
+use crate::formats::source::Source;
+use spikelane::error::{Error, Kind, Result};
 use spikelane::spikes::{Geometry, set_bit};
+use spikelane::unstable::inputs;
+use spikelane::unstable::npy::{Element, Header};
 
 pub(crate) use crate::ARCHIVE_MAGIC as MAGIC;
 

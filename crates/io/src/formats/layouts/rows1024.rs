@@ -9,8 +9,8 @@
 //! SpikeCV's and this one, do not depend on it.
 
 use super::copy_bits;
-use spikelane::error::Result;
 use crate::formats::source::Source;
+use spikelane::error::Result;
 
 /// Rows of a frame, and pixels of a row.
 const SIDE: usize = 1000;

@@ -1,9 +1,9 @@
 //! Rate maps in the order of a file's bits, and how their pixels correlate.
 
-use spikelane::error::Result;
 use crate::formats::{Codec, Layout};
-use spikelane::unstable::inputs;
+use spikelane::error::Result;
 use spikelane::spikes::spread;
+use spikelane::unstable::inputs;
 
 /// Standard errors of a correlation of chance that one has to exceed.
 pub(super) const BEYOND_CHANCE: f64 = 6.0;

@@ -8,14 +8,14 @@
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-use spikelane::error::{Error, Kind, Result};
-use spikelane::unstable::inputs::InputFile;
 use crate::light::fit::Fit;
-use spikelane::light::{Frame, OwnedSamples, Source};
+use spikelane::error::{Error, Kind, Result};
 use spikelane::light::Rate;
 use spikelane::light::{Curve, Transfer};
+use spikelane::light::{Frame, OwnedSamples, Source};
 use spikelane::sensor::FrontEnd;
 use spikelane::spikes::Geometry;
+use spikelane::unstable::inputs::InputFile;
 
 pub use super::npy_reader::Reader;
 pub use spikelane::unstable::npy::{Element, MAGIC};

@@ -3,11 +3,11 @@
 use std::io::{ErrorKind, Read};
 
 use spikelane::error::{Error, Kind, Result};
-use spikelane::unstable::inputs::{self, MAX_PICTURE_BYTES};
 use spikelane::light::OwnedSamples;
+use spikelane::spikes::Geometry;
+use spikelane::unstable::inputs::{self, MAX_PICTURE_BYTES};
 use spikelane::unstable::light::stored_size;
 use spikelane::unstable::npy::{Element, Header};
-use spikelane::spikes::Geometry;
 
 /// Frames of an array at their own size, as they are stored.
 pub struct Reader<R: Read> {

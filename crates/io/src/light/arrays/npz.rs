@@ -9,11 +9,11 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use super::npy::Array;
-use spikelane::error::{Error, Kind, Result};
-use spikelane::unstable::inputs::InputFile;
-use crate::light::fit::Fit;
-use spikelane::light::Transfer;
 use crate::Archive;
+use crate::light::fit::Fit;
+use spikelane::error::{Error, Kind, Result};
+use spikelane::light::Transfer;
+use spikelane::unstable::inputs::InputFile;
 
 use spikelane::spikes::Geometry;
 use spikelane::unstable::threads;

@@ -6,11 +6,11 @@ use super::gaps;
 use super::natural::natural_cmp;
 use super::picture;
 use super::picture::{Header, Linear};
-use spikelane::error::{Error, Kind, Result};
 use crate::light::fit::Fit;
-use spikelane::light::{Frame, Source};
-use spikelane::light::Rate;
 use crate::light::times;
+use spikelane::error::{Error, Kind, Result};
+use spikelane::light::Rate;
+use spikelane::light::{Frame, Source};
 use spikelane::sensor::FrontEnd;
 use spikelane::spikes::Geometry;
 

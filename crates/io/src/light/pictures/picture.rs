@@ -11,12 +11,12 @@ use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use spikelane::error::{Error, Kind, Result};
-use spikelane::unstable::inputs::{self, Cursor, InputFile};
-use spikelane::light::{Frame, OwnedSamples};
-use spikelane::unstable::light::stored_size;
 use spikelane::light::{Curve, Transfer};
+use spikelane::light::{Frame, OwnedSamples};
 use spikelane::sensor::FrontEnd;
 use spikelane::spikes::Geometry;
+use spikelane::unstable::inputs::{self, Cursor, InputFile};
+use spikelane::unstable::light::stored_size;
 
 /// File name endings that are taken for images.
 pub const EXTENSIONS: [&str; 12] =

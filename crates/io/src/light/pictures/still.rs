@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use super::picture;
 use super::picture::Linear;
-use spikelane::error::{Error, Kind, Result};
 use crate::light::fit::Fit;
 use crate::light::fit::Whole;
-use spikelane::light::{Frame, Source};
 use crate::light::motion::Motion;
+use spikelane::error::{Error, Kind, Result};
 use spikelane::light::Rate;
+use spikelane::light::{Frame, Source};
 use spikelane::sensor::FrontEnd;
 use spikelane::spikes::Geometry;
 

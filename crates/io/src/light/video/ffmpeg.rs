@@ -11,14 +11,14 @@ use std::thread::JoinHandle;
 
 use super::probe::{Probe, missing, one_file};
 use super::y4m::Video;
-use spikelane::error::{Error, Kind, Result};
-use spikelane::unstable::inputs::InputFile;
 use crate::light::fit::Fit;
-use spikelane::light::{Frame, Source};
 use crate::light::pictures::picture::Linear;
+use spikelane::error::{Error, Kind, Result};
 use spikelane::light::Rate;
+use spikelane::light::{Frame, Source};
 use spikelane::sensor::FrontEnd;
 use spikelane::spikes::Geometry;
+use spikelane::unstable::inputs::InputFile;
 use spikelane::unstable::threads;
 
 /// The last lines of ffmpeg's complaints that an error repeats.

@@ -10,8 +10,8 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use super::yuv::{Known, Matrix};
-use spikelane::error::{Error, Kind, Result};
 use crate::light::times;
+use spikelane::error::{Error, Kind, Result};
 
 /// Packets that become frames: those that are only decoded for others to be have the flag of being discarded.
 fn shown(packets: &str) -> u64 {

@@ -13,14 +13,14 @@ use std::io::Read;
 use std::path::Path;
 
 use super::yuv::Known;
-use spikelane::error::{Error, Kind, Result};
-use spikelane::unstable::inputs::InputFile;
 use crate::light::fit::Fit;
-use spikelane::light::{Frame, Source};
 use crate::light::pictures::picture::Linear;
+use spikelane::error::{Error, Kind, Result};
 use spikelane::light::Rate;
+use spikelane::light::{Frame, Source};
 use spikelane::sensor::FrontEnd;
 use spikelane::spikes::Geometry;
+use spikelane::unstable::inputs::InputFile;
 
 pub use super::y4m_reader::{MAGIC, Reader};
 pub use super::yuv::Matrix;

@@ -5,14 +5,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::yuv::{Known, Layout, chroma};
-use spikelane::error::{Error, Kind, Result};
-use spikelane::unstable::inputs::{self, InputFile, MAX_PICTURE_BYTES};
-use spikelane::light::{Frame, OwnedSamples};
-use spikelane::unstable::light::stored_size;
 use crate::light::pictures::picture::Linear;
-use spikelane::light::Rate;
-use spikelane::spikes::Geometry;
 use ::y4m::{Decoder, Limits};
+use spikelane::error::{Error, Kind, Result};
+use spikelane::light::Rate;
+use spikelane::light::{Frame, OwnedSamples};
+use spikelane::spikes::Geometry;
+use spikelane::unstable::inputs::{self, InputFile, MAX_PICTURE_BYTES};
+use spikelane::unstable::light::stored_size;
 
 use super::yuv::Matrix;
 

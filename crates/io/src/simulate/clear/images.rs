@@ -6,9 +6,9 @@ use image::{ExtendedColorType, ImageEncoder};
 use serde::{Deserialize, Serialize};
 
 use spikelane::error::{Error, Kind, Result};
+use spikelane::spikes::Geometry;
 use spikelane::unstable::light::srgb_byte;
 use spikelane::unstable::npy::{self, Element};
-use spikelane::spikes::Geometry;
 
 /// How clear light is stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,8 +1,8 @@
 //! The light that single readouts saw.
 
-use spikelane::error::{Error, Kind, Result};
 use crate::light::{Frame, Source, Timeline};
 use crate::simulate::feed::{Feeder, Piece, next_frame};
+use spikelane::error::{Error, Kind, Result};
 
 /// The light of one readout near the middle of a run, to show beside what was made of it.
 #[derive(Clone, Debug, PartialEq)]
