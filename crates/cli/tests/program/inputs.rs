@@ -130,7 +130,7 @@ fn memory_that_is_missing_for_an_input_is_an_error_with_a_code() {
 fn tables_of_each_pixel_end_with_a_code_where_memory_is_missing() {
     let place = Place::new();
     // A sensor of 1024 x 1024 pixels, whose tables take 60 MB to 1 GB.
-    place.write("a.dat", &vec![0x55; 17 * 1024 * 128]);
+    place.write("a.dat", vec![0x55; 17 * 1024 * 128]);
     place.good("record --width 256 --height 256 --readouts 64 -o set");
     let read = "a.dat --width 1024 --height 1024 --layout dat";
     for line in [

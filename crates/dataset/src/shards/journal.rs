@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::lock::open_own;
 use super::packed::Packed;
 use crate::manifest;
 use crate::record::{self, Record};
@@ -16,6 +15,7 @@ use spikelane::error::{Error, Kind, Result};
 use spikelane::unstable::inputs::{
     Access, InnerPath, InputFile, Lines, MAX_TEXT_BYTES, if_found, read_bytes,
 };
+use spikelane_io::storage::open_own;
 use spikelane_io::storage::{self, Digest, steps, trees};
 
 /// Its name in the shard's folder while sequences are missing.

@@ -3,15 +3,12 @@
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
 use std::io::Write as _;
-use std::os::unix::fs::{MetadataExt as _, OpenOptionsExt as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use rustix::fs::OFlags;
-use rustix::io::Errno;
-
 use spikelane::error::{Error, Kind, Result};
 use spikelane::unstable::inputs::read_bytes;
+use spikelane_io::storage::{has_other_names, host, open_own};
 
 /// Somebody who asks whether a lock is held has it himself for a moment.
 const TRIES: u32 = 10;
@@ -45,7 +42,7 @@ impl Lock {
                 Err(TryLockError::Error(e)) => return Err(without_locks(path, e)),
             }
         }
-        if file.metadata().map_err(io)?.nlink() > 1 {
+        if has_other_names(&file.metadata().map_err(io)?) {
             return Err(Error::new(Kind::Input, path.display())
                 .found("a file that has other names as well")
                 .expected("a lock that this program made")
@@ -85,35 +82,6 @@ fn said(path: &Path) -> String {
     } else {
         text.to_owned()
     }
-}
-
-/// Opens a file of the program's own without following a link and without waiting for a pipe.
-///
-/// # Errors
-/// [`Kind::Input`] for a link, and for what is no regular file.
-pub(super) fn open_own(options: &mut OpenOptions, path: &Path) -> Result<File> {
-    let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY;
-    let refused = |found: &str| {
-        Error::new(Kind::Input, path.display())
-            .found(found)
-            .expected("a regular file that this program made")
-            .remedy("remove it; what it leads to is left as it is")
-    };
-    let file = options.custom_flags(flags.bits().cast_signed()).open(path).map_err(|e| {
-        match e.raw_os_error().map(Errno::from_raw_os_error) {
-            Some(Errno::LOOP) => refused("a symbolic link"),
-            // A pipe without a reader, or a socket.
-            Some(Errno::NXIO) => refused("a pipe or socket"),
-            _ => Error::io(path.display(), e),
-        }
-    })?;
-    let found = file.metadata().map_err(|e| Error::io(path.display(), e))?;
-    if found.is_file() { Ok(file) } else { Err(refused("a folder, pipe or device")) }
-}
-
-/// The name of this machine.
-fn host() -> String {
-    rustix::system::uname().nodename().to_string_lossy().into_owned()
 }
 
 /// Where the lock of the shard in `folder` is.

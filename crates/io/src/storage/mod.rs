@@ -23,7 +23,7 @@ pub use digest::Digest;
 pub use group::FileGroup;
 pub use outputs::OutputSet;
 pub use partial::Partial;
-pub use platform::same_file;
+pub use platform::{has_other_names, host, open_own, same_file};
 pub use shared::Shared;
 pub use words::Words;
 pub use writer::{Finished, Writer};

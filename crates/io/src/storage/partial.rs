@@ -241,13 +241,12 @@ fn look_then_rename(hidden: &Path, path: &Path) -> Result<()> {
 /// Waits for the lock of a folder, which goes with `folder`; where there are no locks, there is none.
 #[cfg(unix)]
 fn lock(folder: &File) -> std::io::Result<()> {
-    use rustix::fs::{FlockOperation, flock};
-    use rustix::io::Errno;
+    let no_locks = Some(rustix::io::Errno::NOLCK.raw_os_error());
     loop {
-        match flock(folder, FlockOperation::LockExclusive) {
-            Err(Errno::INTR) => {}
-            Ok(()) | Err(Errno::NOLCK | Errno::NOSYS | Errno::OPNOTSUPP) => return Ok(()),
-            Err(e) => return Err(e.into()),
+        match folder.lock() {
+            Err(e) if e.kind() == ErrorKind::Interrupted => {}
+            Err(e) if e.kind() == ErrorKind::Unsupported || e.raw_os_error() == no_locks => return Ok(()),
+            other => return other,
         }
     }
 }

@@ -3,9 +3,11 @@
 //! On Linux each function is one call of the system. Elsewhere the same promises hold by other calls; where a system has
 //! none, the comment of the function says what is lost.
 
-use std::fs::{File, Metadata};
+use std::fs::{File, Metadata, OpenOptions};
 use std::io;
 use std::path::Path;
+
+use spikelane::error::{Error, Kind, Result};
 
 /// Makes a file of `from` bytes `to` bytes long, with every block reserved, so that a full disk fails here.
 pub(super) fn reserve(file: &File, from: u64, to: u64) -> io::Result<()> {
@@ -123,6 +125,70 @@ pub fn same_file(one: &Metadata, other: &Metadata) -> Option<bool> {
     {
         let _ = (one, other);
         None
+    }
+}
+
+/// Opens a file of the program's own without following a link and without waiting for a pipe.
+///
+/// # Errors
+/// [`Kind::Input`] for a link, and for what is no regular file; what the operating system refuses.
+pub fn open_own(options: &mut OpenOptions, path: &Path) -> Result<File> {
+    let refused = |found: &str| {
+        Error::new(Kind::Input, path.display())
+            .found(found)
+            .expected("a regular file that this program made")
+            .remedy("remove it; what it leads to is left as it is")
+    };
+    #[cfg(unix)]
+    let opened = {
+        use rustix::fs::OFlags;
+        use rustix::io::Errno;
+        use std::os::unix::fs::OpenOptionsExt as _;
+        let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY;
+        options.custom_flags(flags.bits().cast_signed()).open(path).map_err(|e| {
+            match e.raw_os_error().map(Errno::from_raw_os_error) {
+                Some(Errno::LOOP) => refused("a symbolic link"),
+                // A pipe without a reader, or a socket.
+                Some(Errno::NXIO) => refused("a pipe or socket"),
+                _ => Error::io(path.display(), e),
+            }
+        })
+    };
+    // Another process that puts a link here between the look and the opening is not noticed.
+    #[cfg(not(unix))]
+    let opened = match std::fs::symlink_metadata(path) {
+        Ok(found) if found.is_symlink() => Err(refused("a symbolic link")),
+        _ => options.open(path).map_err(|e| Error::io(path.display(), e)),
+    };
+    let file = opened?;
+    let found = file.metadata().map_err(|e| Error::io(path.display(), e))?;
+    if found.is_file() { Ok(file) } else { Err(refused("a folder, pipe or device")) }
+}
+
+/// Returns whether a file has names besides the one that it was opened by; false where the system cannot tell (Windows).
+#[must_use]
+pub fn has_other_names(found: &Metadata) -> bool {
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::MetadataExt::nlink(found) > 1
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = found;
+        false
+    }
+}
+
+/// Returns the name of this machine.
+#[must_use]
+pub fn host() -> String {
+    #[cfg(unix)]
+    {
+        rustix::system::uname().nodename().to_string_lossy().into_owned()
+    }
+    #[cfg(not(unix))]
+    {
+        std::env::var("COMPUTERNAME").unwrap_or_else(|_| "this machine".to_owned())
     }
 }
 
