@@ -88,10 +88,16 @@ macro_rules! cases {
             match Case::of(Asks::of(job)) { $(Case::$name => entry.enter::<$name>()),* }
         }
 
-        /// Enters one of two functions that take any job: with the rules asked at run time, or where something moves.
+        /// Enters one of four functions that take any job: where something moves, two for plans without noise, and that which asks
+        /// for the rules at run time.
         #[cfg(target_arch = "x86_64")]
         pub(in crate::kernels) fn by_general_case(job: &Job<'_>, entry: impl Entry) {
-            if Asks::of(job).moves { entry.enter::<MOVING>() } else { entry.enter::<ANY_RULES>() }
+            match Case::of(Asks::of(job)) {
+                Case::MOVING => entry.enter::<MOVING>(),
+                Case::NOISELESS_FREE_WHOLE | Case::NOISELESS_FREE => entry.enter::<NOISELESS_FREE>(),
+                Case::NOISELESS_CLAMPED_WHOLE | Case::NOISELESS_CLAMPED => entry.enter::<NOISELESS_CLAMPED>(),
+                _ => entry.enter::<ANY_RULES>(),
+            }
         }
 
         /// Runs a job of case `CASE`.

@@ -139,7 +139,7 @@ mod tests {
     /// The seam for a file system without locks, which a test cannot mount.
     #[test]
     fn a_file_system_without_locks_is_named_with_what_to_do() {
-        let error = without_locks(Path::new("lock"), Errno::NOLCK.into());
+        let error = without_locks(Path::new("lock"), rustix::io::Errno::NOLCK.into());
         assert_eq!(error.kind(), Kind::Io);
         assert!(error.to_string().contains("--no-lock"), "{error}");
     }
