@@ -2,6 +2,4 @@
 
 pub(super) mod between;
 pub(crate) mod chart;
-mod chart_drawn;
-mod chart_scene;
 pub(super) mod objects;

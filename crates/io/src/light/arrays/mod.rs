@@ -1,5 +1,4 @@
 //! Arrays of NumPy as light.
 
 pub mod npy;
-pub(super) mod npy_reader;
 pub mod npz;

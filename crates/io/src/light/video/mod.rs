@@ -3,5 +3,4 @@
 pub mod ffmpeg;
 pub(super) mod probe;
 pub mod y4m;
-pub(super) mod y4m_reader;
 pub(super) mod yuv;
