@@ -34,10 +34,10 @@ const QUICKEST: [&str; 5] = [
 /// If it fails, what `diagnose` says has changed: either by mistake, or a number of `version.rs` is to be raised.
 #[test]
 fn recorded_sensors_are_judged_as_they_were_in_every_digit() {
-    let lines = include_str!("../data/diagnosis.jsonl");
+    let lines = spikelane_studies::lines::diagnosis();
     let reference = judge::reference(hidden_sensor::SMALL, &mut phases::Phases::new(false));
     for id in QUICKEST {
-        let recorded = again::find(lines, id).expect("a record of the study");
+        let recorded = again::find(&lines, id).expect("a record of the study");
         let differences = again::differences(&recorded, &reference);
         assert!(differences.is_empty(), "{id}: {differences:#?}");
     }

@@ -37,8 +37,7 @@ fn scored(mut record: Value) -> Value {
 
 /// Writes the records of this version that `lines` holds and `folder` does not.
 pub(crate) fn restore(lines: &Path, folder: &Path) {
-    // A file that cannot be read would be overwritten at the end.
-    let text = if lines.exists() { std::fs::read_to_string(lines).unwrap() } else { String::new() };
+    let text = spikelane_studies::lines::read(lines);
     let records = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
     for record in records.filter(of_this_version) {
         let Some(id) = record["id"].as_str() else { continue };
@@ -55,7 +54,7 @@ pub(crate) fn keep(folder: &Path, lines: &Path) {
     for record in all(folder) {
         text += &format!("{}\n", kept(record));
     }
-    std::fs::write(lines, text).unwrap();
+    spikelane_studies::lines::write(lines, &text);
 }
 
 /// A record with what its line holds.

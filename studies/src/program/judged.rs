@@ -18,7 +18,7 @@ const STRENGTHS: (f64, f64) = (6.0, 20.0);
 
 /// The smallest nameable strength of each effect in the first study.
 pub(crate) fn smallest() -> Vec<(String, f64)> {
-    let lines = include_str!("../../data/diagnosis.jsonl");
+    let lines = spikelane_studies::lines::diagnosis();
     let mut all: Vec<(String, f64)> = Vec::new();
     for record in lines.lines().filter_map(|l| serde_json::from_str::<Value>(l).ok()) {
         for h in record["hidden"].as_array().into_iter().flatten() {

@@ -1,6 +1,6 @@
 //! The study of the program's own path: laboratories whose cameras, lamps and protocols differ, and what `diagnose` says of them.
 //!
-//! `cargo run --release -p spikelane-studies --bin study-program -- RECORDS.jsonl [--nulls N] [--singles N] [--doubles N] [--outside N] [--minutes M]
+//! `cargo run --release -p spikelane-studies --bin study-program -- RECORDS.jsonl.gz [--nulls N] [--singles N] [--doubles N] [--outside N] [--minutes M]
 //! [--attempt K] [--only ID] [--keep FOLDER] [--table FILE]` adds sensors to RECORDS, one a line, and leaves those alone that are there. The simulator of the truth is
 //! that of the tests and imports nothing from the library. Seeds are functions of a sensor's name and of the attempt. Clean sensors, single
 //! effects, doubles and what the catalogue does not hold come side by side. `--times [N]` prints how long clean, single and double
@@ -22,7 +22,6 @@ mod share;
 mod table;
 mod times;
 
-use std::io::Write as _;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -66,7 +65,6 @@ fn main() {
     );
     let strengths = smallest();
     let start = Instant::now();
-    let mut file = std::fs::OpenOptions::new().create(true).append(true).open(&args.records).unwrap();
     for job in open {
         let next = SECONDS[usize::from(job.class != "null")];
         if start.elapsed().as_secs_f64() + next > 60.0 * args.minutes {
@@ -77,7 +75,7 @@ fn main() {
         let record = judged(job, args.attempt, &strengths, args.keep.as_deref());
         let seconds = begun.elapsed().as_secs_f64();
         println!("{}: {} {} ({seconds:.0} s)", job.id(), record["said"]["verdict"], record["score"]["names"]);
-        writeln!(file, "{record}").unwrap();
+        spikelane_studies::lines::append(&args.records, &record.to_string());
     }
     if let Some(path) = args.table {
         put(&path, &(made::by() + &table::table(&self::known(&args.records))));
@@ -142,6 +140,6 @@ fn put(path: &std::path::Path, table: &str) {
 }
 
 fn known(path: &std::path::Path) -> Vec<Value> {
-    let text = std::fs::read_to_string(path).unwrap_or_default();
+    let text = spikelane_studies::lines::read(path);
     text.lines().filter_map(|l| serde_json::from_str(l).ok()).collect()
 }
