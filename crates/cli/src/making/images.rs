@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use spikelane::{Error, Kind, Result};
 use spikelane_io::light::Frame;
 use spikelane_io::simulate::{ImageFacts, ImageFile, ImageForm};
-use spikelane_io::storage;
+use spikelane_io::storage::{self, unfinished};
 
 #[derive(clap::Args, Clone, Copy, Debug)]
 pub(crate) struct ImageArgs {
@@ -85,7 +85,9 @@ pub(crate) fn check(folder: &Path) -> Result<()> {
     for entry in entries {
         let path = entry.map_err(|e| Error::io(folder.display(), e))?.path();
         let ending = path.extension().unwrap_or_default();
-        if !path.is_file() || !(ending == "png" || ending == "npy") {
+        // A killed run leaves the image that it was writing.
+        let partial = path.file_name().is_some_and(|name| unfinished::is_numbered(&name.to_string_lossy()));
+        if !path.is_file() || !(ending == "png" || ending == "npy" || partial) {
             return Err(Error::new(Kind::Exists, path.display())
                 .found("something that is no clear image")
                 .expected("a folder of clear images, which may be replaced")

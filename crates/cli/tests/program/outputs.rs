@@ -123,6 +123,18 @@ const WRITERS: &[&str] = &[
 ];
 
 #[test]
+fn images_that_a_killed_run_left_half_written_stop_no_later_run() {
+    let place = Place::new();
+    let line = "simulate --source chart --width 64 --height 48 --readouts 20 --images-every 10 -o out/a";
+    place.good(line);
+    std::fs::create_dir_all(place.path("out/.a.images.partial")).unwrap();
+    place.write("out/.a.images.partial/.000000.png.4194304-2.partial", "half of a picture");
+    place.good(&format!("{line} --force"));
+    assert!(!place.path("out/.a.images.partial").exists());
+    assert!(place.path("out/a.images/000000.png").exists());
+}
+
+#[test]
 fn a_folder_that_cannot_be_made_is_named_before_work_begins() {
     let place = Place::new();
     place.write("file", "mine");

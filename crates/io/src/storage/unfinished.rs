@@ -124,7 +124,9 @@ fn process_of(name: &str) -> Option<u32> {
     number.split('-').next()?.parse().ok()
 }
 
-fn is_numbered(name: &str) -> bool {
+/// Returns whether a name is that of a file in the making, with the process that makes it: `.NAME.PID-N.partial`.
+#[must_use]
+pub fn is_numbered(name: &str) -> bool {
     let number = stem(name).and_then(|stem| stem.rsplit_once('.')).and_then(|(_, n)| n.split_once('-'));
     number.is_some_and(|(process, n)| process.parse::<u32>().is_ok() && n.parse::<u64>().is_ok())
 }
