@@ -98,9 +98,15 @@ fn arguments() -> Args {
 fn main() {
     let args = arguments();
     if let Some(list) = &args.again {
-        let lines = spikelane_studies::lines::read(args.records.as_deref().expect("--again needs the --records to compare with"));
+        let lines = spikelane_studies::lines::read(
+            args.records.as_deref().expect("--again needs the --records to compare with"),
+        );
         let reference = judge::reference(args.size, &mut Phases::new(args.profile));
-        std::process::exit(i32::from(!again::run(&std::fs::read_to_string(list).unwrap(), &lines, &reference)));
+        std::process::exit(i32::from(!again::run(
+            &std::fs::read_to_string(list).unwrap(),
+            &lines,
+            &reference,
+        )));
     }
     std::fs::create_dir_all(&args.folder).unwrap();
     if let Some(lines) = &args.records {

@@ -36,3 +36,9 @@ fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
     let x = at.increment();
     Some(Moments::default().with_rate(v[0] * x * x).with_phase_variance((ROW_NOISE * v[0]).powi(2)))
 }
+
+/// The programs of the pages are what an embedder writes, too: cargo's tests compile and run them from here.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/guides/embedding.md")]
+#[doc = include_str!("../../../docs/reference/scenes.md")]
+pub struct Pages;
