@@ -46,4 +46,6 @@ pub(crate) use writer::own_sidecar;
 pub use writer::{Finished, StreamWriter};
 
 pub use crate::spikes::Crop;
-pub use crate::storage::{refuse_existing, write_small};
+#[cfg(feature = "scene")]
+pub use crate::storage::OutputSet;
+pub use crate::storage::write_small;

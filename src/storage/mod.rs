@@ -25,7 +25,7 @@ mod writer;
 pub use digest::Digest;
 pub(crate) use group::FileGroup;
 #[cfg(feature = "scene")]
-pub(crate) use outputs::OutputSet;
+pub use outputs::OutputSet;
 #[cfg(feature = "cli")]
 pub(crate) use partial::Partial;
 pub use shared::Shared;
@@ -65,7 +65,8 @@ pub(crate) fn write_renewable(path: &Path, bytes: &[u8]) -> Result<()> {
 ///
 /// # Errors
 /// [`Kind::Exists`](crate::Kind::Exists) when one exists and `force` is false, or when it is no plain file.
-pub fn refuse_existing(folder: &Path, names: &[&str], force: bool) -> Result<()> {
+#[cfg(feature = "cli")]
+pub(crate) fn refuse_existing(folder: &Path, names: &[&str], force: bool) -> Result<()> {
     names.iter().try_for_each(|name| partial::refuse_existing(&folder.join(name), force))
 }
 

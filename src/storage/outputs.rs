@@ -16,7 +16,7 @@ const FOLDER_LOCK: &str = "folder";
 /// Keep it until the last of the files has its name. Folders that it made are removed again if they are empty then.
 #[derive(Debug)]
 #[must_use = "the claim ends when the set is dropped"]
-pub(crate) struct OutputSet {
+pub struct OutputSet {
     // Declared first: a lock lies in a folder.
     _locks: Vec<LockFile>,
     _folders: MadeFolders,
@@ -29,8 +29,7 @@ impl OutputSet {
     /// # Errors
     /// [`Kind::Exists`] when a file exists and `force` is false, or is a folder, a device, a pipe or a socket;
     /// [`Kind::Busy`] when another process writes one of them; [`Kind::Io`] with the folder that takes no files.
-    #[cfg(feature = "cli")]
-    pub(crate) fn claim<P: AsRef<Path>>(files: impl IntoIterator<Item = P>, force: bool) -> Result<Self> {
+    pub fn claim<P: AsRef<Path>>(files: impl IntoIterator<Item = P>, force: bool) -> Result<Self> {
         let mut files: Vec<PathBuf> = files.into_iter().map(|file| file.as_ref().to_path_buf()).collect();
         // Every process claims its files in the same order, so that two processes never each hold a file that the other needs.
         files.sort_unstable();

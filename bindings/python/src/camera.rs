@@ -7,6 +7,7 @@ use numpy::{PyArrayDyn, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyType};
 use spikelane::effects::definition::{Form, Param};
+use spikelane::formats::OutputSet;
 use spikelane::spikes::Crop;
 use spikelane::{Effect, Plan, Seeds, Sensor};
 
@@ -353,6 +354,8 @@ impl Camera {
     /// Raises FileExistsError unless `force`.
     #[pyo3(signature = (folder, force=false))]
     fn save(&self, folder: PathBuf, force: bool) -> PyResult<PathBuf> {
+        // Held until the last file has its name.
+        let _claim = OutputSet::claim([folder.join("camera.toml")], force).or_raise()?;
         spikelane::simulate::save_camera(self.camera(), &folder, force).or_raise()
     }
 

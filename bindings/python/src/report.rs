@@ -1,6 +1,6 @@
 //! Measurement, calibration and diagnosis: the reports' content as JSON, which the package makes dataclasses of.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use numpy::PyUntypedArrayMethods as _;
 use pyo3::prelude::*;
@@ -8,11 +8,9 @@ use serde_json::{Value, json};
 use spikelane::calibrate::{
     CalibrateOptions as Calibrating, RecordingSet, SneeOptions, observe, snee, write,
 };
-use spikelane::diagnose::{DiagnoseOptions as Diagnosing, Extent, page};
-use spikelane::formats::write_small;
-use spikelane::formats::{Layout, Reader};
+use spikelane::diagnose::{DiagnoseOptions as Diagnosing, Extent};
+use spikelane::formats::{Layout, OutputSet, Reader};
 use spikelane::measure::{Recording, high_pass};
-use spikelane::simulate::save_camera;
 use spikelane::{Error, Kind};
 
 use crate::arrays::{bytes, geometry};
@@ -23,6 +21,11 @@ use crate::watch::{Watch, stoppable};
 
 fn value<T: serde::Serialize>(of: &T) -> spikelane::Result<Value> {
     serde_json::to_value(of).map_err(|e| Error::new(Kind::Config, "report").found(e))
+}
+
+/// Claims the files of a report before hours of work. Hold it until the last of them has its name.
+fn claim(folder: Option<&Path>, names: [&str; 3], force: bool) -> spikelane::Result<Option<OutputSet>> {
+    folder.map(|folder| OutputSet::claim(names.map(|name| folder.join(name)), force)).transpose()
 }
 
 /// JSON text of what `spikelane measure` says of a stream; see `spikelane.measure`.
@@ -85,10 +88,7 @@ pub fn calibrate(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Camera)> {
     let (text, camera) = stoppable(py, Watch::new(py, progress, "share")?, |tell| {
-        if let Some(folder) = &out {
-            let names = ["camera.toml", "calibration.json", "report.html"];
-            spikelane::formats::refuse_existing(folder, &names, force)?;
-        }
+        let _claim = claim(out.as_deref(), ["camera.toml", "calibration.json", "report.html"], force)?;
         let set = RecordingSet::open(&recordings)?;
         let observed = observe(&set, &mut |_, share| tell(share))?;
         let options = Calibrating::default()
@@ -124,23 +124,17 @@ pub fn diagnose(
 ) -> PyResult<(String, Camera)> {
     let camera = camera.map(Camera::camera);
     let (text, found) = stoppable(py, Watch::new(py, progress, "share")?, |tell| {
-        if let Some(folder) = &out {
-            let names = ["diagnosis.json", "report.html", "camera.toml"];
-            spikelane::formats::refuse_existing(folder, &names, force)?;
-        }
+        let _claim = claim(out.as_deref(), ["diagnosis.json", "report.html", "camera.toml"], force)?;
         let set = RecordingSet::open(&recordings)?;
         let holdout = holdout.as_deref().map(RecordingSet::open).transpose()?;
         let extent = if everything { Extent::Everything } else { Extent::Enough };
         let options = Diagnosing { camera, seed, extent, ..Diagnosing::default() };
         let found =
             spikelane::diagnose::diagnose(&set, holdout.as_ref(), options, &mut |_, share| tell(share))?;
-        let json = value(&found)?;
-        if let Some(folder) = &out {
-            std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
-            write_small(&folder.join("diagnosis.json"), format!("{json:#}\n").as_bytes(), force)?;
-            write_small(&folder.join("report.html"), page(&found)?.as_bytes(), force)?;
-            save_camera(&found.camera, folder, force)?;
-        }
+        let json = match &out {
+            Some(folder) => spikelane::diagnose::write(&found, folder, force)?,
+            None => value(&found)?,
+        };
         Ok((json.to_string(), found.camera))
     })?;
     Ok((text, Camera::of(found)?))
