@@ -237,9 +237,8 @@ fn case(number: u64, base: &Path, top: &Path) -> Vec<String> {
             // The user's own `dataset.toml`, and the list of inputs that a plan names, may name files anywhere.
             // A path that the user wrote may lead through a link.
             let is_link = |path: &Path| fs::symlink_metadata(work.join(path)).is_ok_and(|m| m.is_symlink());
-            let leads_through_link = |name: &String| {
-                !name.starts_with("..") && Path::new(name).ancestors().any(|path| is_link(path))
-            };
+            let leads_through_link =
+                |name: &String| !name.starts_with("..") && Path::new(name).ancestors().any(is_link);
             let is_free = kind.folder == "text"
                 || changes.iter().any(|change| change.contains("list = "))
                 || arguments.iter().any(leads_through_link);

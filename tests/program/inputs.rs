@@ -134,7 +134,7 @@ fn memory_that_is_missing_for_an_input_is_an_error_with_a_code() {
 fn tables_of_each_pixel_end_with_a_code_where_memory_is_missing() {
     let place = Place::new();
     // A sensor of 1024 x 1024 pixels, whose tables take 30 MB to 1 GB.
-    place.write("a.dat", &vec![0x55; 17 * 1024 * 128]);
+    place.write("a.dat", vec![0x55; 17 * 1024 * 128]);
     place.good("record --width 192 --height 192 --readouts 300 -o set");
     // Program code takes address space too, most in a debug build.
     let loaded = |megabytes: &u32| within(&place, *megabytes, "--version").output().unwrap().status.success();

@@ -73,6 +73,10 @@ const NAMES: [&str; 8] = ["id", "path", "file", "folder", "shard", "split", "inp
 const COUNTS: [&str; 9] =
     ["sequences", "per_shard", "shards", "bytes", "offset", "readouts", "readout", "clear_readout", "every"];
 
+/// The file, line and pointer of a value.
+type Place = (PathBuf, usize, String);
+
+/// Files whose names and counts this program reads.
 const LISTS: [&str; 7] =
     ["plan.json", "inputs.jsonl", "journal.jsonl", "manifest.jsonl", "record.json", "stream.json", "c.json"];
 
@@ -80,7 +84,7 @@ const LISTS: [&str; 7] =
 pub(super) fn aimed(random: &mut Random, work: &Path, around: &Path, counts: bool) -> String {
     let keys: &[&str] = if counts { &COUNTS } else { &NAMES };
     // By the file's name and the key: labels have hundreds of the same, a plan one of each.
-    let mut found: BTreeMap<(String, String), Vec<(PathBuf, usize, String)>> = BTreeMap::new();
+    let mut found: BTreeMap<(String, String), Vec<Place>> = BTreeMap::new();
     for path in files(work, &["json", "jsonl"]) {
         let file = path.file_name().unwrap().to_string_lossy().into_owned();
         let Some(text) = own(&path).and_then(|bytes| String::from_utf8(bytes).ok()) else { continue };
