@@ -56,7 +56,12 @@ pub fn tfi_at(packed: Packed, at: usize, search: usize) -> Result<Tfi> {
     let last = packed.readouts() - 1;
     // The silent readouts that an end of the stream leaves; `None` where all were there to be searched.
     let cut = [(at < search).then_some(at + 1), (last - at < search).then_some(last - at + 1)];
-    let mut tfi = Tfi { rates: Vec::new(), open_pixels: 0, open: 0.0, rounding: 0.0 };
+    let mut tfi = Tfi {
+        rates: Vec::with_capacity(packed.geometry().pixels()),
+        open_pixels: 0,
+        open: 0.0,
+        rounding: 0.0,
+    };
     for sides in sides(packed, at, search) {
         let found = interval(sides);
         tfi.rates.push(found.map_or(missing, |n| 1.0 / n as f32));

@@ -9,6 +9,7 @@ use pyo3::types::{PyBytes, PyDict, PyType};
 use spikelane::effects::definition::{Form, Param};
 use spikelane::spikes::Crop;
 use spikelane::{Effect, Plan, Seeds, Sensor};
+use spikelane_io::formats::OutputSet;
 
 use crate::arrays;
 use crate::error::{Raise as _, usage, wrong_type};
@@ -353,6 +354,8 @@ impl Camera {
     /// Raises FileExistsError unless `force`.
     #[pyo3(signature = (folder, force=false))]
     fn save(&self, folder: PathBuf, force: bool) -> PyResult<PathBuf> {
+        // Held until the last file has its name.
+        let _claim = OutputSet::claim([folder.join("camera.toml")], force).or_raise()?;
         spikelane_io::simulate::save_camera(self.camera(), &folder, force).or_raise()
     }
 

@@ -1,16 +1,14 @@
 //! Measurement, calibration and diagnosis: the reports' content as JSON, which the package makes dataclasses of.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use numpy::PyUntypedArrayMethods as _;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 use spikelane::{Error, Kind};
-use spikelane_calibrate::diagnose::{DiagnoseOptions as Diagnosing, Extent, page};
+use spikelane_calibrate::diagnose::{DiagnoseOptions as Diagnosing, Extent};
 use spikelane_calibrate::{CalibrateOptions as Calibrating, RecordingSet, SneeOptions, observe, snee, write};
-use spikelane_io::formats::write_small;
-use spikelane_io::formats::{Layout, Reader};
-use spikelane_io::simulate::save_camera;
+use spikelane_io::formats::{Layout, OutputSet, Reader};
 use spikelane_measure::{Recording, high_pass};
 
 use crate::arrays::{bytes, geometry};
@@ -21,6 +19,11 @@ use crate::watch::{Watch, stoppable};
 
 fn value<T: serde::Serialize>(of: &T) -> spikelane::Result<Value> {
     serde_json::to_value(of).map_err(|e| Error::new(Kind::Config, "report").found(e))
+}
+
+/// Claims the files of a report before hours of work. Hold it until the last of them has its name.
+fn claim(folder: Option<&Path>, names: [&str; 3], force: bool) -> spikelane::Result<Option<OutputSet>> {
+    folder.map(|folder| OutputSet::claim(names.map(|name| folder.join(name)), force)).transpose()
 }
 
 /// JSON text of what `spikelane measure` says of a stream; see `spikelane.measure`.
@@ -83,10 +86,7 @@ pub fn calibrate(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Camera)> {
     let (text, camera) = stoppable(py, Watch::new(py, progress, "share")?, |tell| {
-        if let Some(folder) = &out {
-            let names = ["camera.toml", "calibration.json", "report.html"];
-            spikelane_io::formats::refuse_existing(folder, &names, force)?;
-        }
+        let _claim = claim(out.as_deref(), ["camera.toml", "calibration.json", "report.html"], force)?;
         let set = RecordingSet::open(&recordings)?;
         let observed = observe(&set, &mut |_, share| tell(share))?;
         let options = Calibrating::default()
@@ -122,10 +122,7 @@ pub fn diagnose(
 ) -> PyResult<(String, Camera)> {
     let camera = camera.map(Camera::camera);
     let (text, found) = stoppable(py, Watch::new(py, progress, "share")?, |tell| {
-        if let Some(folder) = &out {
-            let names = ["diagnosis.json", "report.html", "camera.toml"];
-            spikelane_io::formats::refuse_existing(folder, &names, force)?;
-        }
+        let _claim = claim(out.as_deref(), ["diagnosis.json", "report.html", "camera.toml"], force)?;
         let set = RecordingSet::open(&recordings)?;
         let holdout = holdout.as_deref().map(RecordingSet::open).transpose()?;
         let extent = if everything { Extent::Everything } else { Extent::Enough };
@@ -134,13 +131,10 @@ pub fn diagnose(
             spikelane_calibrate::diagnose::diagnose(&set, holdout.as_ref(), options, &mut |_, share| {
                 tell(share)
             })?;
-        let json = value(&found)?;
-        if let Some(folder) = &out {
-            std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
-            write_small(&folder.join("diagnosis.json"), format!("{json:#}\n").as_bytes(), force)?;
-            write_small(&folder.join("report.html"), page(&found)?.as_bytes(), force)?;
-            save_camera(&found.camera, folder, force)?;
-        }
+        let json = match &out {
+            Some(folder) => spikelane_calibrate::diagnose::write(&found, folder, force)?,
+            None => value(&found)?,
+        };
         Ok((json.to_string(), found.camera))
     })?;
     Ok((text, Camera::of(found)?))

@@ -7,7 +7,7 @@ use numpy::{PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
 use spikelane::{Geometry, spikes};
-use spikelane_io::formats::{Layout, Reader, StreamWriter};
+use spikelane_io::formats::{Layout, OutputSet, Reader, StreamWriter};
 use spikelane_io::simulate::{Sidecar, StreamFacts, Written};
 
 use crate::arrays::{bytes, geometry, zeros};
@@ -240,12 +240,9 @@ pub fn write_stream(
     let beside = path.with_extension("json");
     let mut watch = Watch::new(py, progress, "readouts")?;
     let result = py.detach(|| -> spikelane::Result<String> {
-        if sidecar && !force && beside.exists() {
-            return Err(spikelane::Error::new(spikelane::Kind::Exists, beside.display())
-                .found("a file of that name")
-                .expected("a free name for the sidecar")
-                .remedy("choose another name, or force=True, or sidecar=False"));
-        }
+        // Held until the sidecar has its name.
+        let files = [Some(&path), sidecar.then_some(&beside)];
+        let _claim = OutputSet::claim(files.into_iter().flatten(), force)?;
         let mut writer = StreamWriter::create(&path, layout, geometry, readouts, force)?;
         let piece = ((4 << 20) / geometry.frame_bytes()).max(1) * geometry.frame_bytes();
         for packed in from.chunks(piece) {

@@ -89,6 +89,26 @@ def test_calibrate_finds_the_camera_that_recorded(recordings, tmp_path):
     assert sl.Simulator(found.camera).push_bits(np.full((32, 32), 100, np.uint8), 50).mean() > 0.2
 
 
+def test_a_report_whose_file_exists_is_refused_before_the_set_is_read(tmp_path):
+    (tmp_path / "report.html").write_text("mine")
+    for function in (sl.calibrate, sl.diagnose):
+        with pytest.raises(FileExistsError, match=r"report\.html"):
+            function(tmp_path / "no.toml", out=tmp_path)
+        assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_a_report_that_another_process_writes_is_refused_before_the_set_is_read(tmp_path):
+    fcntl = pytest.importorskip("fcntl")
+    with (tmp_path / ".camera.toml.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        for function in (sl.calibrate, sl.diagnose):
+            with pytest.raises(sl.SpikelaneError, match=r"camera\.toml"):
+                function(tmp_path / "no.toml", out=tmp_path)
+        with pytest.raises(sl.SpikelaneError, match=r"camera\.toml"):
+            sl.Camera.preset("ideal").save(tmp_path)
+        assert [path.name for path in tmp_path.iterdir()] == [".camera.toml.lock"]
+
+
 def test_bad_sets_are_refused(tmp_path):
     with pytest.raises(FileNotFoundError):
         sl.calibrate(tmp_path / "no.toml")

@@ -52,6 +52,17 @@ def test_every_layout_comes_back(bits, tmp_path, layout):
     assert json.loads((tmp_path / "a.json").read_text())["digest"] == digest
 
 
+def test_a_stream_whose_sidecar_is_claimed_by_another_writer_is_not_begun(bits, tmp_path):
+    fcntl = pytest.importorskip("fcntl")
+    with (tmp_path / ".a.json.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        with pytest.raises(sl.SpikelaneError, match=r"a\.json"):
+            sl.write_stream(tmp_path / "a.dat", bits)
+        assert [path.name for path in tmp_path.iterdir()] == [".a.json.lock"]
+    sl.write_stream(tmp_path / "new" / "a.dat", bits)
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["a.dat", "a.json"]
+
+
 @pytest.mark.parametrize(("layout", "shape"), [("rows416", (250, 400)), ("rows1024", (1000, 1000))])
 def test_the_layouts_of_cameras_come_back(tmp_path, layout, shape):
     bits = np.random.default_rng(6).integers(0, 2, (3, *shape), np.uint8)

@@ -24,7 +24,7 @@ mod statistics;
 mod strengths;
 
 pub use answer::diagnosis::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
-pub use answer::page::page;
+pub use answer::page::write;
 pub use answer::pictures::{Picture, Trace};
 pub use lab::fault::{Fault, FaultKind};
 pub use null::first_look::FirstLook;

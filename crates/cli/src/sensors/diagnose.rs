@@ -6,14 +6,13 @@ use std::time::Instant;
 
 use clap::Args as ClapArgs;
 use serde_json::{Value, json};
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::Result;
 use spikelane::presets;
 use spikelane_calibrate::RecordingSet;
 use spikelane_calibrate::diagnose::{
     DiagnoseOptions, Diagnosis, Extent, Fault, FirstLook, Nameable, Strengths, Verdict, diagnose_and_tell,
-    page, strengths,
+    strengths, write,
 };
-use spikelane_io::storage::FileGroup;
 use spikelane_measure::report::today;
 
 use crate::shared::output::{Out, command_line, recorded};
@@ -117,7 +116,7 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
         }
         about.date = Some(today());
     }
-    let mut result = write(&found, args)?;
+    let mut result = write(&found, &args.output, args.force)?;
     result["event"] = json!("done");
     out.result(&result, &told(&found, args))
 }
@@ -151,20 +150,6 @@ fn as_text(found: &Strengths) -> String {
     text += "With a second set as --holdout; without one every recording is cut in two, and strengths are 1.4 times these.\n";
     found.notes.iter().for_each(|n| text += &format!("{n}\n"));
     text
-}
-
-/// Writes the files; returns the diagnosis as JSON.
-fn write(found: &Diagnosis, args: &Args) -> Result<Value> {
-    let value = serde_json::to_value(found).map_err(|e| Error::new(Kind::Config, "diagnosis").found(e))?;
-    let saved = presets::to_toml(&found.camera)?;
-    let mut group = FileGroup::new(args.force);
-    let mut put = |name: &str, bytes: &[u8]| group.write(&args.output.join(name), bytes);
-    saved.maps.iter().try_for_each(|(name, bytes)| put(name, bytes))?;
-    put("camera.toml", saved.text.as_bytes())?;
-    put("report.html", page(found)?.as_bytes())?;
-    put("diagnosis.json", format!("{value:#}\n").as_bytes())?;
-    group.commit()?;
-    Ok(value)
 }
 
 fn told(found: &Diagnosis, args: &Args) -> String {

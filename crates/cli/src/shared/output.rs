@@ -25,9 +25,18 @@ impl Out {
         self.json
     }
 
-    /// One line of JSON, if asked for.
+    /// One line of JSON, if asked for. JSON writes the controls from 7f to 9f as they are, which a terminal may act on, so they
+    /// are escaped too.
     pub(crate) fn event(&self, value: &Value) -> Result<()> {
-        if self.json { write_out(format!("{value}\n").as_bytes()) } else { Ok(()) }
+        if !self.json {
+            return Ok(());
+        }
+        let escaped = |c: char| match c {
+            '\u{7f}'..='\u{9f}' => format!("\\u{:04x}", u32::from(c)),
+            _ => c.to_string(),
+        };
+        let line: String = value.to_string().chars().map(escaped).collect();
+        write_out(format!("{line}\n").as_bytes())
     }
 
     /// A result: the JSON line if asked for, else text to standard output, with control characters escaped.

@@ -34,8 +34,15 @@ fn stream(args: &Args, out: &Out) -> Result<()> {
     }
     let reader = args.stream.open(&args.file, out)?;
     let geometry = reader.geometry();
-    // Pictures by each method, the clear one, and the maps that compare them.
-    inputs::check_memory(format_args!("pictures of {geometry} pixels"), 160 * geometry.pixels())?;
+    let bytes_per_pixel = match (&args.clear, args.still) {
+        // Pictures by each method.
+        (None, false) => 32,
+        // The clear picture as well, and the maps of both that are compared.
+        (Some(_), false) => 112,
+        // Pictures of the readouts before and behind as well.
+        (_, true) => 160,
+    };
+    inputs::check_memory(format_args!("pictures of {geometry} pixels"), bytes_per_pixel * geometry.pixels())?;
     let folder = args.clear.as_deref().filter(|clear| clear.is_dir());
     if args.every.is_some() || folder.is_some() {
         return many::run(args, &reader, folder, out);

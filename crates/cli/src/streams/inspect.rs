@@ -164,7 +164,7 @@ struct Measured {
 fn measure(reader: &Reader, range: std::ops::Range<usize>) -> Result<Measured> {
     let geometry = reader.geometry();
     // Counts, and the maps in which defects are searched.
-    inputs::check_memory(format_args!("counts of {geometry} pixels"), 160 * geometry.pixels())?;
+    inputs::check_memory(format_args!("counts of {geometry} pixels"), 100 * geometry.pixels())?;
     let options = MeasureOptions { frames: false, ..MeasureOptions::without_intervals() };
     let mut sums = Accumulator::new(geometry, &options)?;
     let step = (BATCH / geometry.frame_bytes()).max(1);

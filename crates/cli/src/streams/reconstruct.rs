@@ -149,7 +149,7 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let reader = args.stream.open(&args.file, out)?;
     let geometry = reader.geometry();
     // A picture, its sorted copy, its levels and their code.
-    inputs::check_memory(format_args!("picture of {geometry} pixels"), 64 * geometry.pixels())?;
+    inputs::check_memory(format_args!("picture of {geometry} pixels"), 28 * geometry.pixels())?;
     if args.white.is_some_and(|w| !(w.is_finite() && w > 0.0)) {
         return Err(Error::new(Kind::Usage, "--white").expected("a positive number"));
     }

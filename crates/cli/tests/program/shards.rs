@@ -234,6 +234,34 @@ fn a_list_names_inputs_and_one_that_is_not_there_is_named() {
 }
 
 #[test]
+fn a_plan_whose_inputs_lie_outside_of_its_folder_is_run_with_a_line_that_names_their_folder() {
+    let place = Place::new();
+    clips(&place, 1);
+    fs::create_dir_all(place.path("set/clips")).unwrap();
+    place.write("set/clips/000.y4m", y4m(32, 24, &[30, 90]));
+    place.write("clips/list.txt", "000.y4m\n");
+    for (from, line) in [
+        ("--from set/clips -o set", None),
+        ("--from clips -o other", Some("clips, which the plan names\n")),
+        (
+            "--from-list clips/list.txt -o listed",
+            Some("clips and at the paths of a list, which the plan names\n"),
+        ),
+    ] {
+        let output = from.rsplit(' ').next().unwrap();
+        place.good(&format!(
+            "dataset plan {from} --width 32 --height 24 --readouts-per-frame 4 --per-shard 1"
+        ));
+        for command in [format!("run {output} --shard all"), format!("merge {output}")] {
+            let ran = place.good(&format!("dataset {command}"));
+            let found = ran.stderr.contains("inputs are read below ");
+            assert_eq!(found, line.is_some(), "{command}: {}", ran.stderr);
+            assert!(line.is_none_or(|line| ran.stderr.contains(line)), "{command}: {}", ran.stderr);
+        }
+    }
+}
+
+#[test]
 fn a_plan_is_never_changed_and_only_its_own_version_runs_it() {
     let place = Place::new();
     place.good(&format!("dataset plan {SCENES} -o set --per-shard 2"));

@@ -3,21 +3,27 @@
 //!
 //! Each case takes a small valid folder, changes up to three things in it by a fixed seed, and runs the commands that
 //! read such a folder. `SPIKELANE_HOSTILE_CASES` sets their number, `SPIKELANE_HOSTILE_FIRST` the first.
+//! `SPIKELANE_HOSTILE_PROGRAM` is another program to run, such as an old one whose faults the cases must find;
+//! `SPIKELANE_HOSTILE_SECONDS` is the time after which a command hangs.
 #![cfg(unix)]
 
 #[path = "hostile/folders.rs"]
 mod folders;
 #[path = "hostile/mutations.rs"]
 mod mutations;
+#[path = "hostile/signing.rs"]
+mod signing;
+#[path = "hostile/values.rs"]
+mod values;
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::os::unix::fs::MetadataExt as _;
+use std::fs::{self, File, FileTimes};
+use std::os::unix::fs::{MetadataExt as _, symlink};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use folders::{KINDS, Kind};
 use mutations::Random;
@@ -27,7 +33,7 @@ use spikelane_io::storage::Digest;
 const CODES: [i32; 13] = [0, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 75, 130];
 
 /// A command that has not ended by then hangs: each takes a fraction of a second.
-const HANG: Duration = Duration::from_secs(60);
+const HANG_SECONDS: u64 = 60;
 
 /// The address space of a command in KiB, which a count that becomes a size would exceed.
 const ADDRESS_SPACE_KIB: u64 = 8_000_000;
@@ -67,12 +73,21 @@ struct Ran {
     output: String,
 }
 
+/// The program under test, and whether it is another one than this version's.
+fn program() -> (String, bool) {
+    match std::env::var("SPIKELANE_HOSTILE_PROGRAM") {
+        Ok(other) => (other, true),
+        Err(_) => (env!("CARGO_BIN_EXE_spikelane").to_owned(), false),
+    }
+}
+
 fn run(folder: &Path, arguments: &[String]) -> Ran {
+    let limit = Duration::from_secs(number("SPIKELANE_HOSTILE_SECONDS", HANG_SECONDS));
     let log = folder.parent().unwrap().join("log");
     let file = File::create(&log).unwrap();
     let mut child = Command::new("sh")
         .args(["-c", &format!("ulimit -v {ADDRESS_SPACE_KIB}; exec \"$@\""), "sh"])
-        .arg(env!("CARGO_BIN_EXE_spikelane"))
+        .arg(program().0)
         .args(arguments)
         .current_dir(folder)
         .stdin(Stdio::null())
@@ -86,7 +101,7 @@ fn run(folder: &Path, arguments: &[String]) -> Ran {
         if let Some(status) = child.try_wait().unwrap() {
             break status;
         }
-        if start.elapsed() > HANG {
+        if start.elapsed() > limit {
             hung = true;
             child.kill().unwrap();
         }
@@ -95,6 +110,33 @@ fn run(folder: &Path, arguments: &[String]) -> Ran {
     let output = String::from_utf8_lossy(&fs::read(&log).unwrap()).into_owned();
     fs::remove_file(log).unwrap();
     Ran { code: status.code(), hung, output }
+}
+
+/// Sets the time of access of all files below `folder` to a time in the past, which reading moves on.
+fn mark_unread(folder: &Path) {
+    for (path, (mode, ..)) in snapshot(folder) {
+        if mode & 0o170_000 == 0o100_000 {
+            let times = FileTimes::new().set_accessed(SystemTime::UNIX_EPOCH);
+            File::open(folder.join(path)).unwrap().set_times(times).unwrap();
+        }
+    }
+}
+
+/// A file below `folder` that was read since [`mark_unread`], where the file system keeps times of access.
+fn was_read(folder: &Path) -> Option<PathBuf> {
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let found = fs::symlink_metadata(&path).unwrap();
+            if found.is_dir() {
+                folders.push(path);
+            } else if found.is_file() && found.accessed().unwrap() != SystemTime::UNIX_EPOCH {
+                return Some(path);
+            }
+        }
+    }
+    None
 }
 
 /// Whether a file below `folder`, links aside, holds the secret.
@@ -134,13 +176,28 @@ fn case(number: u64, base: &Path, top: &Path) -> Vec<String> {
     let (work, around) = (place.join("work"), place.join("around"));
     folders::copy(&base.join(kind.folder), &work);
     surroundings(&around);
+    // A sequence outside of the folder, which the names in its files must not reach.
+    let inner = ["sequences", "shards/000000/sequences"].map(|below| work.join(below).join("scene-0000"));
+    if let Some(sequence) = inner.iter().find(|folder| folder.is_dir()) {
+        folders::copy(sequence, &around.join("sequence"));
+    }
     let changes = mutations::apply(&mut random, &work, &around);
-    let follows = kind.follows && random.below(4) == 0;
+    // A program from before `--follow-links` refuses the flag.
+    let follows = kind.follows && random.below(4) == 0 && !program().1;
+    // The folder that the user names may itself be a link.
+    let is_linked = random.below(4) == 0;
+    if is_linked {
+        symlink(&work, place.join("link")).unwrap();
+    }
     let before = snapshot(&around);
     let secret = Digest::of(&fs::read(around.join("secret.txt")).unwrap());
+    mark_unread(&around);
     let mut wrong = Vec::new();
     for line in kind.commands {
         let mut arguments: Vec<String> = line.split(' ').map(str::to_owned).collect();
+        for argument in arguments.iter_mut().filter(|argument| is_linked && *argument == ".") {
+            "../link".clone_into(argument);
+        }
         if follows {
             arguments.push("--follow-links".to_owned());
         }
@@ -154,18 +211,39 @@ fn case(number: u64, base: &Path, top: &Path) -> Vec<String> {
         } else if !ran.code.is_some_and(|code| CODES.contains(&code)) {
             say(&format!("code {:?}", ran.code));
         }
+        let read = was_read(&around);
         if snapshot(&around) != before {
             say("files outside changed");
         }
+        mark_unread(&around);
         let names: Vec<_> = fs::read_dir(&place).unwrap().map(|e| e.unwrap().file_name()).collect();
-        if names.len() != 2 {
+        if names.len() != 2 + usize::from(is_linked) {
             say(&format!("files beside: {names:?}"));
         }
-        // A file that the user names may itself be a link.
-        let is_link = |name: &String| fs::symlink_metadata(work.join(name)).is_ok_and(|m| m.is_symlink());
-        if !follows && !arguments.iter().any(is_link) {
+        // JSON lines are escaped as JSON is, text is escaped for every kind of output.
+        let is_control = |c: char| c.is_control() && c != '\n' && c != '\t';
+        if ran.output.contains(is_control) {
+            say("control characters in the output");
+        }
+        // A file that the user names may itself be a link to any file. What a folder holds that is such a link must not be one.
+        let is_file_link = |name: &String| {
+            let path = work.join(name);
+            fs::symlink_metadata(&path).is_ok_and(|m| m.is_symlink()) && !path.is_dir()
+        };
+        if !follows && !arguments.iter().any(is_file_link) {
             if ran.output.contains(SECRET) || kind.folder == "stream" && ran.output.contains(&secret) {
-                say("a file outside was read");
+                say("a file outside is in the output");
+            }
+            // The user's own `dataset.toml`, and the list of inputs that a plan names, may name files anywhere.
+            // A path that the user wrote may lead through a link.
+            let is_link = |path: &Path| fs::symlink_metadata(work.join(path)).is_ok_and(|m| m.is_symlink());
+            let leads_through_link =
+                |name: &String| !name.starts_with("..") && Path::new(name).ancestors().any(is_link);
+            let is_free = kind.folder == "text"
+                || changes.iter().any(|change| change.contains("list = "))
+                || arguments.iter().any(leads_through_link);
+            if let (Some(path), false) = (read, is_free) {
+                say(&format!("{} was read", path.display()));
             }
             if let Some(path) = holds_secret(&work) {
                 say(&format!("a file outside was copied to {}", path.display()));
@@ -198,13 +276,15 @@ fn commands_end_with_a_listed_code_and_leave_everything_outside_as_it_is() {
                         break;
                     }
                     let found = case(number, &base, top.path());
-                    wrong.lock().unwrap().extend(found);
+                    if !found.is_empty() {
+                        wrong.lock().unwrap().push(found);
+                    }
                 }
             });
         }
     });
-    let wrong = wrong.into_inner().unwrap();
-    assert!(wrong.is_empty(), "{} of {cases} cases and more:\n{}", wrong.len(), wrong.join("\n"));
+    let wrong: Vec<Vec<String>> = wrong.into_inner().unwrap();
+    assert!(wrong.is_empty(), "{} of {cases} cases:\n{}", wrong.len(), wrong.concat().join("\n"));
     assert!(snapshot(&base) == before, "a folder that commands may only read has changed");
 }
 

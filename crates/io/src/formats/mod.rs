@@ -32,5 +32,5 @@ pub use sidecar::candidates as sidecar_paths;
 pub use writer::own_sidecar;
 pub use writer::{Finished, StreamWriter};
 
-pub use crate::storage::{refuse_existing, write_small};
+pub use crate::storage::{OutputSet, write_small};
 pub use spikelane::spikes::Crop;

@@ -1,18 +1,44 @@
-//! The report: one page.
+//! The report: one page, and its files.
+
+use std::path::Path;
+
+use serde_json::Value;
 
 use super::about_page::{glossary, judged, made};
 use super::diagnosis::{Diagnosis, Gap, Verdict};
 use super::pictures_page::seen;
 use super::words::{interval, rounded};
 use crate::diagnose::search::round::Fate;
-use spikelane::error::Result;
+use spikelane::error::{Error, Kind, Result};
+use spikelane::presets;
+use spikelane_io::storage::FileGroup;
 use spikelane_measure::report::{Part, Row, Table, page as render, ranked};
+
+/// Writes `camera.toml` with its maps, `report.html` and `diagnosis.json` into `folder`, all of them or none, and returns the
+/// diagnosis as JSON.
+///
+/// # Errors
+/// When a file exists and `force` is not set, or cannot be written.
+pub fn write(diagnosis: &Diagnosis, folder: &Path, force: bool) -> Result<Value> {
+    let value =
+        serde_json::to_value(diagnosis).map_err(|e| Error::new(Kind::Config, "diagnosis").found(e))?;
+    let saved = presets::to_toml(&diagnosis.camera)?;
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
+    let mut group = FileGroup::new(force);
+    let mut put = |name: &str, bytes: &[u8]| group.write(&folder.join(name), bytes);
+    saved.maps.iter().try_for_each(|(name, bytes)| put(name, bytes))?;
+    put("camera.toml", saved.text.as_bytes())?;
+    put("report.html", page(diagnosis)?.as_bytes())?;
+    put("diagnosis.json", format!("{value:#}\n").as_bytes())?;
+    group.commit()?;
+    Ok(value)
+}
 
 /// The page of a diagnosis.
 ///
 /// # Errors
 /// When a plot cannot be made.
-pub fn page(diagnosis: &Diagnosis) -> Result<String> {
+pub(super) fn page(diagnosis: &Diagnosis) -> Result<String> {
     let mut parts = vec![Part::text(sentence(diagnosis))];
     parts.extend(faults(diagnosis));
     parts.extend(named(diagnosis));

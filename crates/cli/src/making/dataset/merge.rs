@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 
 use serde_json::json;
 
-use super::said::{say_apart, say_copied};
+use super::said::{say_apart, say_copied, say_inputs};
 use crate::shared::output::Out;
 use crate::shared::progress::{Files, stop_flag};
 use spikelane::{Error, Kind, Result};
@@ -39,6 +39,7 @@ pub(crate) struct Args {
 /// As [`shards::merge`]; [`Kind::Input`] at the end when sequences were set aside.
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let plan = Plan::read_with(&args.folder, args.follow_links)?;
+    say_inputs(&plan, out);
     let stop = stop_flag()?;
     let mut bar = Files::new(out);
     let how = Merging { quick: args.quick, links: !args.no_links, lock: !args.no_lock };

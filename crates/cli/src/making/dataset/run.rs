@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use super::said::say_apart;
+use super::said::{say_apart, say_inputs};
 use super::watcher::Watcher;
 use crate::shared::output::Out;
 use crate::shared::threads::ThreadArgs;
@@ -45,6 +45,7 @@ pub(crate) struct Args {
 /// As [`shards::run`]; [`Kind::Requeue`] for a request to end.
 pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let plan = Plan::read_with(&args.folder, args.follow_links)?;
+    say_inputs(&plan, out);
     let how = Running {
         threads: args.threads.number(out),
         verify: args.verify,

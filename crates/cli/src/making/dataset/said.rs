@@ -1,10 +1,11 @@
 //! What is said of inputs and copies, whichever way a dataset is made.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::shared::output::Out;
 use spikelane::Result;
-use spikelane_dataset::{self as dataset, DatasetOptions, Inputs};
+use spikelane_dataset::shards::Plan;
+use spikelane_dataset::{self as dataset, DatasetOptions, Inputs, Work};
 
 /// Names the files of a folder of inputs that become no sequence.
 pub(super) fn say_skipped(inputs: &Inputs, options: &DatasetOptions, out: &Out) -> Result<()> {
@@ -15,6 +16,23 @@ pub(super) fn say_skipped(inputs: &Inputs, options: &DatasetOptions, out: &Out) 
         }
     }
     Ok(())
+}
+
+/// Names the folder of the inputs of a plan, if it is not below the plan's own folder: a plan may come from anybody.
+pub(super) fn say_inputs(plan: &Plan, out: &Out) {
+    let Work::Inputs(inputs) = &plan.options.work else { return };
+    let whole = |folder: &Path| std::fs::canonicalize(folder).ok();
+    let is_inside =
+        whole(&inputs.folder).zip(whole(&plan.folder)).is_some_and(|(inputs, plan)| inputs.starts_with(plan));
+    let folder = inputs.folder.display();
+    match &inputs.list {
+        // The paths of a list may lead anywhere.
+        Some(_) => out.say(format_args!(
+            "inputs are read below {folder} and at the paths of a list, which the plan names"
+        )),
+        None if !is_inside => out.say(format_args!("inputs are read below {folder}, which the plan names")),
+        None => {}
+    }
 }
 
 /// A line about files that become no sequence.

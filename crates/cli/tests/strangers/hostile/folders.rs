@@ -64,7 +64,7 @@ pub(super) const KINDS: &[Kind] = &[
         follows: true,
     },
     Kind { folder: "stream", commands: &["verify c.json", "verify c.dat"], follows: true },
-    Kind { folder: "stream", commands: &["inspect c.dat", "measure c.dat"], follows: false },
+    Kind { folder: "stream", commands: &["inspect c.dat", "evaluate c.dat"], follows: false },
     Kind {
         folder: "camera",
         commands: &[
@@ -76,11 +76,8 @@ pub(super) const KINDS: &[Kind] = &[
 ];
 
 fn spikelane(folder: &Path, line: &str) {
-    let ran = Command::new(env!("CARGO_BIN_EXE_spikelane"))
-        .args(line.split_whitespace())
-        .current_dir(folder)
-        .output()
-        .unwrap();
+    let ran =
+        Command::new(super::program().0).args(line.split_whitespace()).current_dir(folder).output().unwrap();
     assert!(ran.status.success(), "{line}: {}", String::from_utf8_lossy(&ran.stderr));
 }
 
@@ -112,7 +109,6 @@ pub(super) fn make(base: &Path) {
     edit(&base.join("packing/plan.json"), |plan| plan["pack"] = json!(true));
     go("dataset run packed --shard all");
     go("dataset plan --from clips --width 32 --height 24 --readouts-per-frame 3 --per-shard 1 -o inputs");
-    go("dataset run inputs --shard 0");
     fs::create_dir(base.join("stream")).unwrap();
     go("simulate --source chart --width 32 --height 24 --readouts 20 --images-every 5 -o stream/c");
     let mut camera = presets::builtin("physical").unwrap();

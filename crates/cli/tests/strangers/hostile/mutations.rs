@@ -1,12 +1,13 @@
 //! What a stranger may change in a folder.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::os::unix::fs::{MetadataExt as _, symlink};
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
-use spikelane_io::storage::Digest;
+use super::SECRET;
+use super::signing::{own, sign};
+use super::values::{aimed, pack, packs, setting, value};
 
 /// A sequence of numbers that follows from a seed (splitmix64).
 pub(super) struct Random(u64);
@@ -16,7 +17,7 @@ impl Random {
         Self(seed.wrapping_mul(0x2545_f491_4f6c_dd1d))
     }
 
-    fn next(&mut self) -> u64 {
+    pub(super) fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -28,7 +29,7 @@ impl Random {
         (self.next() % n as u64) as usize
     }
 
-    fn of<'a, T>(&mut self, all: &'a [T]) -> &'a T {
+    pub(super) fn of<'a, T>(&mut self, all: &'a [T]) -> &'a T {
         &all[self.below(all.len())]
     }
 }
@@ -38,12 +39,15 @@ pub(super) fn apply(random: &mut Random, work: &Path, around: &Path) -> Vec<Stri
     let mut changes = Vec::new();
     // More changes make it likelier that the first one read ends the command.
     for _ in 0..*random.of(&[1, 1, 1, 1, 2, 2, 3]) {
-        changes.push(match random.below(16) {
-            0..=6 => aimed(random, work, around),
-            7..=8 => value(random, work, around),
-            9..=11 => link(random, work, around),
-            12..=13 => kind(random, work),
-            14 => cut(random, work),
+        changes.push(match random.below(20) {
+            0..=5 => aimed(random, work, around, false),
+            6..=7 => aimed(random, work, around, true),
+            8..=9 if packs(work).is_empty() => setting(random, work, around),
+            8..=9 => pack(random, work, around),
+            10..=14 => link(random, work, around),
+            15..=16 => kind(random, work),
+            17 => value(random, work, around),
+            18 => cut(random, work),
             _ => bytes(random, work),
         });
     }
@@ -71,7 +75,7 @@ fn paths(work: &Path) -> Vec<PathBuf> {
     all
 }
 
-fn files(work: &Path, endings: &[&str]) -> Vec<PathBuf> {
+pub(super) fn files(work: &Path, endings: &[&str]) -> Vec<PathBuf> {
     let mut all = paths(work);
     all.retain(|path| {
         let ending = path.extension().unwrap_or_default().to_string_lossy().into_owned();
@@ -81,267 +85,8 @@ fn files(work: &Path, endings: &[&str]) -> Vec<PathBuf> {
     all
 }
 
-fn shown(work: &Path, path: &Path) -> String {
+pub(super) fn shown(work: &Path, path: &Path) -> String {
     path.strip_prefix(work).unwrap_or(path).display().to_string()
-}
-
-/// Names that lead elsewhere, or that no system has.
-fn name(random: &mut Random, around: &Path) -> String {
-    let up = "../".repeat(1 + random.below(5));
-    let fixed = [
-        "",
-        ".",
-        "..",
-        "/",
-        "a/b",
-        "a/../..",
-        "a\\..\\b",
-        "C:",
-        "C:x",
-        "C:\\x",
-        "\\\\host\\share",
-        "nul",
-        "CON.txt",
-        "x\0y",
-        "x\ny",
-        "\u{1b}[2Jx",
-        "\u{9b}x",
-        " ",
-        "a.",
-        "~",
-        "-rf",
-        "/dev/zero",
-        "/dev/null",
-        "/proc/self/environ",
-        "scene-0001",
-        "train",
-        "lock",
-        ".x.partial",
-        "sequences",
-        "%2e%2e",
-        "\u{202e}x",
-    ];
-    match random.below(10) {
-        0 => format!("{up}around/home/alice"),
-        1 => format!("{up}around/secret.txt"),
-        2..=6 => around.join(*random.of(&["secret.txt", "home/alice", "home/alice"])).display().to_string(),
-        7 => "x".repeat(*random.of(&[255, 256, 5000, 1 << 20])),
-        _ => (*random.of(&fixed)).to_owned(),
-    }
-}
-
-fn number(random: &mut Random) -> Value {
-    let whole = [
-        0,
-        1,
-        2,
-        7,
-        (1 << 31) - 1,
-        1 << 31,
-        (1 << 32) - 1,
-        1 << 32,
-        1 << 53,
-        1 << 63,
-        u64::MAX - 1,
-        u64::MAX,
-    ];
-    match random.below(8) {
-        0 => Value::from(-1),
-        1 => Value::from(*random.of(&[1e300, -1e300, 0.5, 1e19, f64::MIN_POSITIVE])),
-        _ => Value::from(*random.of(&whole)),
-    }
-}
-
-/// Keys whose text becomes a path, and keys whose number becomes a size or a loop.
-const NAMES: [&str; 7] = ["id", "path", "file", "folder", "shard", "split", "input"];
-const COUNTS: [&str; 9] =
-    ["sequences", "per_shard", "shards", "bytes", "offset", "readouts", "readout", "clear_readout", "every"];
-
-/// Another name or count in one of the keys that become paths, sizes or loops.
-fn aimed(random: &mut Random, work: &Path, around: &Path) -> String {
-    let mut found: Vec<(String, PathBuf, usize, String)> = Vec::new();
-    for path in files(work, &["json", "jsonl"]) {
-        let Some(text) = own(&path).and_then(|bytes| String::from_utf8(bytes).ok()) else { continue };
-        let whole = path.extension().is_some_and(|ending| ending == "json");
-        let lines: Vec<&str> = if whole { vec![&text] } else { text.lines().collect() };
-        for (number, line) in lines.into_iter().enumerate() {
-            let Ok(value) = serde_json::from_str::<Value>(line) else { continue };
-            let mut places = Vec::new();
-            collect(&value, String::new(), &mut places);
-            for place in places {
-                let key = place.rsplit('/').next().unwrap_or_default().to_owned();
-                if NAMES.contains(&&*key) || COUNTS.contains(&&*key) {
-                    found.push((key, path.clone(), number, place));
-                }
-            }
-        }
-    }
-    let keys: BTreeSet<String> = found.iter().map(|(key, ..)| key.clone()).collect();
-    let mut keys: Vec<String> = keys.into_iter().collect();
-    let paths: Vec<String> = keys.iter().filter(|key| NAMES[..3].contains(&key.as_str())).cloned().collect();
-    keys.extend([paths.clone(), paths].concat());
-    if keys.is_empty() {
-        return value(random, work, around);
-    }
-    // The key first: labels have hundreds of the same, a plan one of each.
-    let key = random.of(&keys).clone();
-    found.retain(|(own, ..)| *own == key);
-    let (_, path, number_of_line, place) = random.of(&found).clone();
-    let new: Value = if NAMES.contains(&&*key) { name(random, around).into() } else { number(random) };
-    let said = cut_long(&format!("{}: {place} = {new}", shown(work, &path)));
-    let text = fs::read_to_string(&path).unwrap();
-    let whole = path.extension().is_some_and(|ending| ending == "json");
-    let changed = |line: &str| {
-        let mut value: Value = serde_json::from_str(line).unwrap();
-        *value.pointer_mut(&place).unwrap() = new.clone();
-        value.to_string()
-    };
-    let text = if whole {
-        changed(&text)
-    } else {
-        let lines = text.lines().enumerate();
-        lines
-            .map(|(i, line)| if i == number_of_line { changed(line) } else { line.to_owned() } + "\n")
-            .collect()
-    };
-    fs::write(&path, text).unwrap();
-    said
-}
-
-/// Another value of one key of a text file.
-fn value(random: &mut Random, work: &Path, around: &Path) -> String {
-    let all = files(work, &["json", "jsonl", "toml", "yaml"]);
-    if all.is_empty() {
-        return "nothing".to_owned();
-    }
-    let path = random.of(&all).clone();
-    let Ok(text) = fs::read_to_string(&path) else { return "nothing".to_owned() };
-    let said = match path.extension().and_then(|e| e.to_str()) {
-        Some("json") => {
-            let Ok(mut value) = serde_json::from_str(&text) else { return "nothing".to_owned() };
-            let said = leaf(random, &mut value, around);
-            fs::write(&path, format!("{value:#}")).unwrap();
-            said
-        }
-        Some("jsonl") => {
-            let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
-            if lines.is_empty() {
-                return "nothing".to_owned();
-            }
-            let at = random.below(lines.len());
-            let Ok(mut value) = serde_json::from_str(&lines[at]) else { return "nothing".to_owned() };
-            let said = leaf(random, &mut value, around);
-            match random.below(4) {
-                0 => lines.push(value.to_string()),
-                _ => lines[at] = value.to_string(),
-            }
-            fs::write(&path, lines.join("\n") + "\n").unwrap();
-            said
-        }
-        _ => {
-            let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
-            let keys: Vec<usize> = (0..lines.len()).filter(|&i| lines[i].contains([':', '='])).collect();
-            if keys.is_empty() {
-                return "nothing".to_owned();
-            }
-            let at = *random.of(&keys);
-            let mark = if lines[at].contains('=') { " = " } else { ": " };
-            let key = lines[at].split([':', '=']).next().unwrap_or_default().trim().to_owned();
-            let value = if random.below(2) == 0 { number(random) } else { name(random, around).into() };
-            lines[at] = format!("{key}{mark}{value}");
-            fs::write(&path, lines.join("\n") + "\n").unwrap();
-            cut_long(&lines[at])
-        }
-    };
-    format!("{}: {said}", shown(work, &path))
-}
-
-/// Keys that become paths, sizes or loops, which are changed more often than others.
-const KEYS: [&str; 22] = [
-    "id",
-    "split",
-    "shard",
-    "path",
-    "file",
-    "folder",
-    "options",
-    "sequences",
-    "per_shard",
-    "shards",
-    "offset",
-    "bytes",
-    "readouts",
-    "readout",
-    "input",
-    "status",
-    "pack",
-    "times_ns",
-    "images",
-    "annotations",
-    "clear_readout",
-    "pieces",
-];
-
-/// Changes or removes one value inside of `value`.
-fn leaf(random: &mut Random, value: &mut Value, around: &Path) -> String {
-    let mut places = Vec::new();
-    collect(value, String::new(), &mut places);
-    let wanted = |place: &&String| KEYS.iter().any(|key| place.rsplit('/').next() == Some(*key));
-    let special: Vec<String> = places.iter().filter(wanted).cloned().collect();
-    let all = if special.is_empty() || random.below(3) == 0 { &places } else { &special };
-    if all.is_empty() {
-        return "nothing".to_owned();
-    }
-    let place = random.of(all).clone();
-    let Some(found) = value.pointer_mut(&place) else { return "nothing".to_owned() };
-    // The text of a data set inside of a plan has keys of its own.
-    if let (Value::String(text), true, true) = (&mut *found, place == "/options", random.below(4) > 0) {
-        let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
-        let keys: Vec<usize> = (0..lines.len()).filter(|&i| lines[i].contains('=')).collect();
-        let at = *random.of(&keys);
-        let key = lines[at].split('=').next().unwrap_or_default().trim().to_owned();
-        let new = if random.below(2) == 0 { number(random) } else { name(random, around).into() };
-        lines[at] = format!("{key} = {new}");
-        let said = cut_long(&lines[at]);
-        *found = (lines.join("\n") + "\n").into();
-        return format!("options: {said}");
-    }
-    let new = match (&*found, random.below(8)) {
-        (_, 0) => Value::Null,
-        (_, 1) => serde_json::json!([]),
-        (Value::Number(_), 2..=6) => number(random),
-        (Value::String(_), 2..=6) => name(random, around).into(),
-        (_, 7) => number(random),
-        _ => name(random, around).into(),
-    };
-    let said = format!("{place} = {new}");
-    *found = new;
-    cut_long(&said)
-}
-
-fn cut_long(text: &str) -> String {
-    text.chars().take(120).collect()
-}
-
-fn collect(value: &Value, at: String, into: &mut Vec<String>) {
-    let escaped = |key: &str| key.replace('~', "~0").replace('/', "~1");
-    match value {
-        Value::Object(all) => {
-            for (key, inner) in all {
-                let place = format!("{at}/{}", escaped(key));
-                into.push(place.clone());
-                collect(inner, place, into);
-            }
-        }
-        Value::Array(all) => {
-            for (index, inner) in all.iter().enumerate().take(4) {
-                let place = format!("{at}/{index}");
-                into.push(place.clone());
-                collect(inner, place, into);
-            }
-        }
-        _ => {}
-    }
 }
 
 fn remove(path: &Path) {
@@ -396,8 +141,18 @@ fn any(random: &mut Random, work: &Path) -> PathBuf {
         _ if is("plan.json") || is("manifest.jsonl") => &listed,
         _ => &streams,
     };
-    let all = paths(work);
-    if all.is_empty() || random.below(3) > 0 { work.join(random.of(made)) } else { random.of(&all).clone() }
+    // By their names, as labels have hundreds of files. Loaders read the views of a set, not this program.
+    let mut named: BTreeMap<_, Vec<PathBuf>> = BTreeMap::new();
+    let views = ["train", "test", "spikecv"].map(|view| work.join(view));
+    for path in paths(work).into_iter().filter(|path| !views.iter().any(|view| path.starts_with(view))) {
+        named.entry(path.file_name().unwrap().to_owned()).or_default().push(path);
+    }
+    let groups: Vec<_> = named.into_values().collect();
+    if groups.is_empty() || random.below(2) == 0 {
+        return work.join(random.of(made));
+    }
+    let group = random.of(&groups);
+    random.of(group).clone()
 }
 
 /// A link in the place of a file or folder.
@@ -408,7 +163,7 @@ fn link(random: &mut Random, work: &Path, around: &Path) -> String {
         return "nothing".to_owned();
     }
     let own = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let target = match random.below(12) {
+    let target = match random.below(14) {
         0..=2 => around.join("secret.txt"),
         3..=4 => around.join("home/alice"),
         5 => around.join("empty"),
@@ -423,12 +178,23 @@ fn link(random: &mut Random, work: &Path, around: &Path) -> String {
             if fs::rename(&path, &moved).is_err() {
                 return "nothing".to_owned();
             }
+            mark(&moved);
             moved
         }
     };
     remove(&path);
     symlink(&target, &path).unwrap();
     format!("{} -> {}", shown(work, &path), target.display())
+}
+
+/// Puts the secret into a file of pixels or spikes, and leaves its length.
+fn mark(path: &Path) {
+    let is_text = |bytes: &[u8]| std::str::from_utf8(bytes).is_ok();
+    if let Some(mut bytes) = own(path).filter(|bytes| bytes.len() > 2 * SECRET.len() && !is_text(bytes)) {
+        let at = bytes.len() - SECRET.len();
+        bytes[at..].copy_from_slice(SECRET.as_bytes());
+        fs::write(path, bytes).unwrap();
+    }
 }
 
 /// A file of another kind.
@@ -500,77 +266,4 @@ fn bytes(random: &mut Random, work: &Path) -> String {
     }
     fs::write(&path, bytes).unwrap();
     format!("{} has other bytes", shown(work, &path))
-}
-
-/// Brings digests, lengths and times that files list up to date, as far as the files can be read.
-fn sign(work: &Path) {
-    for path in files(work, &["json"]).into_iter().filter(|p| p.ends_with("record.json")) {
-        let Some(mut record) = json(&path) else { continue };
-        for file in record["files"].as_array_mut().into_iter().flatten() {
-            let Some(bytes) = file["path"].as_str().and_then(|name| own(&path.with_file_name(name))) else {
-                continue;
-            };
-            file["bytes"] = bytes.len().into();
-            file["digest"] = Digest::of(&bytes).into();
-        }
-        fs::write(&path, record.to_string()).unwrap();
-    }
-    for path in files(work, &["jsonl"]) {
-        let Ok(text) = fs::read_to_string(&path) else { continue };
-        let lines = text.lines().map(|line| signed(&path, line) + "\n");
-        let text: String = lines.collect();
-        fs::write(&path, text).unwrap();
-    }
-    let list = own(&work.join("inputs.jsonl")).unwrap_or_default();
-    let path = work.join("plan.json");
-    let plan =
-        fs::symlink_metadata(&path).is_ok_and(|m| m.is_file() && m.len() < 1 << 24).then(|| json(&path));
-    let Some(Some(mut plan)) = plan else { return };
-    let mut offset = 0;
-    let lines: Vec<&[u8]> = list.split_inclusive(|&b| b == b'\n').collect();
-    for (piece, line) in plan["pieces"].as_array_mut().into_iter().flatten().zip(lines) {
-        if piece.is_object() && random_free(piece) {
-            piece["bytes"] = line.len().into();
-            piece["offset"] = offset.into();
-            piece["digest"] = Digest::of(line).into();
-        }
-        offset += line.len();
-    }
-    fs::write(&path, plan.to_string()).unwrap();
-}
-
-/// Whether the numbers of a piece are those of a file, and not what a mutation put there.
-fn random_free(piece: &Value) -> bool {
-    ["bytes", "offset"].iter().all(|key| piece[key].as_u64().is_some_and(|n| n < 1 << 20))
-}
-
-fn json(path: &Path) -> Option<Value> {
-    serde_json::from_slice(&own(path)?).ok()
-}
-
-/// The bytes of a regular file of a usual size.
-fn own(path: &Path) -> Option<Vec<u8>> {
-    let found = fs::metadata(path).ok()?;
-    if found.is_file() && found.len() < 1 << 24 { fs::read(path).ok() } else { None }
-}
-
-/// A line of a manifest or journal with the digest and times of the sequence's files.
-fn signed(list: &Path, line: &str) -> String {
-    let Ok(mut value) = serde_json::from_str::<Value>(line) else { return line.to_owned() };
-    let Some(id) = value["id"].as_str() else { return line.to_owned() };
-    let shard = value["shard"].as_str().map_or(String::new(), |shard| format!("shards/{shard}"));
-    let folder = list.with_file_name(shard).join("sequences").join(id);
-    let Some(bytes) = own(&folder.join("record.json")) else { return line.to_owned() };
-    let Ok(record) = serde_json::from_slice::<Value>(&bytes) else { return line.to_owned() };
-    value["digest"] = Digest::of(&bytes).into();
-    if value["times_ns"].is_array() {
-        let names = record["files"].as_array().into_iter().flatten();
-        let names = ["record.json"].into_iter().chain(names.filter_map(|f| f["path"].as_str()));
-        let time = |name: &str| {
-            let found = fs::metadata(folder.join(name)).ok()?;
-            Some(Value::from(found.mtime() * 1_000_000_000 + found.mtime_nsec()))
-        };
-        value["times_ns"] = names.filter_map(time).collect::<Vec<_>>().into();
-    }
-    value.to_string()
 }
