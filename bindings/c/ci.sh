@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
 # The C library: built as cargo's tests are, installed, and used as strangers would: C, C++, CMake, pkg-config, README;
-# under valgrind and AddressSanitizer. What a missing tool cannot check is said.
+# under valgrind and AddressSanitizer. A missing tool is an error, unless ALLOW_SKIP names it.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 here=bindings/c
+. .ci/skip.sh
 
 say() { echo "bindings/c: $*"; }
 cc=${CC:-cc}
-command -v "$cc" >/dev/null || { say "skipped: no C compiler ($cc)"; exit 0; }
+command -v "$cc" >/dev/null || { missing "$cc" "the C library"; exit 0; }
 
 # With a bench and a test beside it the library shares every crate with `cargo test --workspace`, as the Python module does.
 PYO3_BUILD_EXTENSION_MODULE=1 cargo build -q --workspace --lib --bin spikelane --bench plan --test header
@@ -27,7 +28,7 @@ if command -v nm >/dev/null && [ "$(uname)" = Linux ]; then
     diff "$here/symbols.txt" "$out/symbols.txt" ||
         { say "the library exports other symbols (>) than symbols.txt (<)"; exit 1; }
 else
-    say "exported symbols not checked: no nm, or not Linux"
+    missing nm "the check of exported symbols"
 fi
 
 for program in tests/golden tests/misuse examples/push examples/render_loop examples/virtual_camera examples/ring_reader; do
@@ -49,10 +50,10 @@ if command -v "$cxx" >/dev/null; then
             $(pkg-config --libs opencv4) -o "$out/opencv_to_dat"
         say "opencv_to_dat compiles"
     else
-        say "examples/opencv_to_dat.cpp skipped: pkg-config finds no opencv4 (libopencv-dev)"
+        missing opencv "examples/opencv_to_dat.cpp"
     fi
 else
-    say "C++ skipped: no compiler ($cxx)"
+    missing "$cxx" "the test from C++"
 fi
 
 # The program of the README, with the line that it gives.
@@ -62,7 +63,7 @@ if command -v pkg-config >/dev/null; then
     line=$(grep '^cc ' $here/README.md)
     (cd "$out" && eval "$line -Wall -Wextra -Werror" && ./spikes)
 else
-    say "pkg-config is not here: its file is not checked"
+    missing pkg-config "the check of its file"
 fi
 
 # A virtual camera gives the bytes of the file that simulate writes, whoever reads; Ctrl-C ends it well.
@@ -109,7 +110,7 @@ if command -v valgrind >/dev/null; then
     $grind "$out/virtual_camera" 0.05 2000 | wc -c
     [ ! -x "$out/goldenpp" ] || $grind "$out/goldenpp" $table
 else
-    say "valgrind skipped: it is not installed"
+    missing valgrind "the check of memory"
 fi
 
 asan="-g -fsanitize=address,undefined -fno-sanitize-recover=undefined"
@@ -120,7 +121,7 @@ if echo 'int main(void) { return 0; }' | $cc $asan -x c - -o "$out/asan" 2>/dev/
     "$out/golden-asan" $table portable
     "$out/misuse-asan" "$out"
 else
-    say "AddressSanitizer skipped: $cc has none"
+    missing asan "the check with AddressSanitizer"
 fi
 
 cmake=$(command -v cmake || true)
@@ -133,5 +134,5 @@ if [ -n "$cmake" ]; then
     "$out/cmake/push"
     "$out/cmake/push_static"
 else
-    say "the CMake package is not checked: no cmake"
+    missing cmake "the CMake package"
 fi

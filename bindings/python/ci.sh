@@ -1,28 +1,29 @@
 #!/usr/bin/env bash
 # The Python package: built as cargo's tests are, then pytest, stubtest, mypy and ruff in a venv of its own.
-# A tool that cannot be installed is said, and what needs it is skipped.
+# A missing tool is an error, unless ALLOW_SKIP names it.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
+. .ci/skip.sh
 skip() {
-    echo "bindings/python: skipped: $*"
+    missing "$1" "the Python package"
     exit 0
 }
 
 # Debian's interpreter sees Debian's torch; PyPI's wheel of it brings CUDA.
 python=/usr/bin/python3
-[ -x "$python" ] || python=$(command -v python3) || skip "no python3"
-"$python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || skip "$python is older than 3.10"
+[ -x "$python" ] || python=$(command -v python3) || skip python3
+"$python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || skip python3.10
 venv=target/python
 if [ ! -x "$venv/bin/pip" ]; then
-    "$python" -m venv --system-site-packages "$venv" || skip "no venv: install python3-venv"
+    "$python" -m venv --system-site-packages "$venv" || skip python3-venv
 fi
-"$venv/bin/pip" install -q 'numpy>=1.24' pytest || skip "numpy or pytest could not be installed"
+"$venv/bin/pip" install -q 'numpy>=1.24' pytest || skip numpy
 for tool in mypy ruff tqdm; do
-    "$venv/bin/pip" install -q "$tool" || echo "bindings/python: without $tool, which could not be installed"
+    "$venv/bin/pip" install -q "$tool" || missing "$tool" "a check of the Python package"
 done
 "$venv/bin/python" -c 'import torch' 2>/dev/null ||
-    echo "bindings/python: without torch: apt-get install python3-torch; its tests are skipped"
+    missing torch "the tests of training (Debian: python3-torch)"
 
 # Not by maturin, which would compile most crates a second time: with a bench beside it, and so with what tests need, and
 # with the one test that reads Rust, the module shares every crate with `cargo test --workspace`: macros that are a program's

@@ -25,7 +25,7 @@ fn table() -> String {
 }
 
 fn page() -> (std::path::PathBuf, String) {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/reference/effects.md");
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/reference/effects.md");
     let text = std::fs::read_to_string(&path).unwrap();
     (path, text)
 }
