@@ -8,7 +8,7 @@ use super::definition::{Definition, Form, Param};
 /// Effects by their names: all of this library ([`ALL`]), then further ones in the order in which they came.
 ///
 /// What reads cameras and what diagnoses sensors takes one of these: [`crate::presets::load_with`],
-/// [`crate::diagnose::DiagnoseOptions`]. A camera that has an effect already needs none to be simulated.
+/// `crate::diagnose::DiagnoseOptions`. A camera that has an effect already needs none to be simulated.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Catalogue {
     further: Vec<&'static Definition>,

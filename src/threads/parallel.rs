@@ -54,7 +54,7 @@ fn run<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     Pool::of_process().run(work)
 }
 
-/// As [`run`]; meanwhile this thread calls `observe` about every 50 ms. On a thread of the pool it is not called, since a thread
+/// As `run`; meanwhile this thread calls `observe` about every 50 ms. On a thread of the pool it is not called, since a thread
 /// that waits would be missing there.
 pub fn run_observed<T: Send>(observe: &mut dyn FnMut(), work: impl FnOnce() -> T + Send) -> T {
     if rayon::current_thread_index().is_some() {

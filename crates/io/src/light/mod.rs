@@ -1,6 +1,6 @@
 //! Light from files: pictures, folders of them, video and arrays become frames of linear, gray light at the camera's size.
 //!
-//! The module re-exports [`spikelane_io::light`], so that one path has all of light.
+//! The module re-exports [`spikelane::light`], so that one path has all of light.
 
 mod arrays;
 mod fit;

@@ -1,6 +1,6 @@
 //! Whole runs from files to files: a source of light becomes a stream with its sidecar.
 //!
-//! The module re-exports [`spikelane_io::simulate`], so that one path has all of simulation.
+//! The module re-exports [`spikelane::simulate`], so that one path has all of simulation.
 
 mod ahead;
 mod clear;

@@ -20,7 +20,7 @@ impl<'a> Readouts<'a> {
     /// Plans the camera and reads the first frame. Without [`Run::readouts`] a still picture has no end.
     ///
     /// # Errors
-    /// [`Kind::Input`] when the source has no frame; otherwise those of the plan and the source.
+    /// `Kind::Input` when the source has no frame; otherwise those of the plan and the source.
     pub fn new(job: &Run, source: &'a mut dyn Source) -> Result<Self> {
         let Start { feeder, noisy: simulator, .. } = job.start(source, false)?;
         Ok(Self { feeder, simulator })

@@ -30,7 +30,7 @@ impl Partial {
         Self::create_ending(path, force, "")
     }
 
-    /// As [`create`](Self::create), with `ending` behind the hidden name: for a program that writes the file by its
+    /// As `create`, with `ending` behind the hidden name: for a program that writes the file by its
     /// name and reads its form from the ending.
     pub fn create_ending(path: &Path, force: bool, ending: &str) -> Result<Self> {
         refuse_existing(path, force)?;
