@@ -3,6 +3,7 @@
 mod archive;
 pub mod formats;
 pub mod light;
+#[cfg(feature = "live")]
 pub mod live;
 pub mod simulate;
 mod stdin;
