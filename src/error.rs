@@ -243,11 +243,15 @@ impl Error {
 impl Error {
     /// The message, with all characters as they are in names and files.
     pub fn raw_message(&self) -> String {
-        let (mut message, mut separator) = (self.subject.clone(), ": ");
-        for (label, text) in [("found ", &self.found), ("expected ", &self.expected), ("", &self.remedy)] {
+        let mut message = self.subject.clone();
+        let subject = message.len();
+        for (between, label, text) in
+            [(", ", "found ", &self.found), (", ", "expected ", &self.expected), ("; ", "", &self.remedy)]
+        {
             if !text.is_empty() {
-                message += &format!("{separator}{label}{text}");
-                separator = if label == "found " { ", " } else { "; " };
+                message += if message.len() == subject { ": " } else { between };
+                message += label;
+                message += text;
             }
         }
         message

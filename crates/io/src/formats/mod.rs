@@ -28,7 +28,7 @@ pub use opening::Opening;
 pub use origin::{Lost, Origin};
 pub use reader::Reader;
 pub use readings::{Reading, Readings};
-pub use sidecar::candidates as sidecar_paths;
+pub use sidecar::found_beside as sidecar_beside;
 pub use writer::own_sidecar;
 pub use writer::{Finished, StreamWriter};
 

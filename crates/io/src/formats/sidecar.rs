@@ -31,20 +31,36 @@ struct Keys {
 
 /// The facts of the sidecar beside `path`, all `None` when there is no sidecar.
 pub(super) fn beside(path: &Path) -> Result<Facts> {
-    for candidate in candidates(path) {
-        if candidate.is_file() {
-            return read(&candidate, path);
-        }
+    found_beside(path)?.map_or(Ok(Facts::default()), |sidecar| read(&sidecar, path))
+}
+
+/// Returns the path of the sidecar that lies beside a stream; `None` when there is none.
+///
+/// # Errors
+/// [`Kind::Input`] for a link that leads neither into the folder of its name nor to where the stream itself lies: nobody
+/// named the file that it leads to.
+pub fn found_beside(stream: &Path) -> Result<Option<PathBuf>> {
+    let Some(found) = candidates(stream).into_iter().find(|path| path.is_file()) else { return Ok(None) };
+    if !found.is_symlink() {
+        return Ok(Some(found));
     }
-    Ok(Facts::default())
+    let real = |path: &Path| std::fs::canonicalize(path).map_err(|e| Error::io(path.display(), e));
+    let folder = found.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let target = real(&found)?;
+    if target.starts_with(real(folder)?) || target.parent() == real(stream)?.parent() {
+        return Ok(Some(found));
+    }
+    Err(Error::new(Kind::Input, found.display())
+        .found("a symbolic link that leaves its folder")
+        .expected("a sidecar beside its stream")
+        .remedy("put a copy there, or remove the link and give width, height and layout"))
 }
 
 /// Where the sidecar of a stream may lie, the likeliest first.
 ///
 /// `STEM.dat.json` (as `convert` writes it, since two layouts may share a stem), then `STEM.json`;
 /// the clean twin `STEM.clean.dat` shares that with `STEM.dat`.
-#[must_use]
-pub fn candidates(path: &Path) -> Vec<PathBuf> {
+fn candidates(path: &Path) -> Vec<PathBuf> {
     let mut found = vec![own_sidecar(path), path.with_extension("json")];
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
     if let Some(stem) = stem.strip_suffix(".clean") {
@@ -131,5 +147,28 @@ mod tests {
         let found = candidates(Path::new("a/run.clean.dat"));
         let expected = ["a/run.clean.dat.json", "a/run.clean.json", "a/run.json"];
         assert_eq!(found, expected.map(PathBuf::from));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_sidecar_is_read_through_a_link_only_where_its_stream_lies() {
+        use std::os::unix::fs::symlink;
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        for folder in ["data", "links", "other"] {
+            std::fs::create_dir(at(folder)).unwrap();
+        }
+        std::fs::write(at("data/c.dat"), [0; 8]).unwrap();
+        std::fs::write(at("data/c.json"), r#"{"width":8,"height":2}"#).unwrap();
+        symlink(at("data/c.dat"), at("links/c.dat")).unwrap();
+        symlink(at("data/c.json"), at("links/c.json")).unwrap();
+        assert_eq!(beside(&at("links/c.dat")).unwrap().geometry, Geometry::new(8, 2).ok());
+        std::fs::write(at("other/c.dat"), [0; 8]).unwrap();
+        symlink(at("data/c.json"), at("other/c.json")).unwrap();
+        assert_eq!(beside(&at("other/c.dat")).unwrap_err().kind(), Kind::Input);
+        symlink(at("other/c.dat"), at("other/d.dat")).unwrap();
+        std::fs::write(at("other/e.json"), r#"{"width":8,"height":2}"#).unwrap();
+        symlink("e.json", at("other/d.json")).unwrap();
+        assert_eq!(beside(&at("other/d.dat")).unwrap().geometry, Geometry::new(8, 2).ok());
     }
 }

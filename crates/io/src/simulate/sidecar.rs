@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::formats::{Layout, sidecar_paths};
+use crate::formats::{Layout, sidecar_beside};
 use crate::light::{Source, Transfer};
 use crate::simulate::{ImageFacts, ImageFile, Written};
 use crate::storage;
@@ -286,10 +286,9 @@ impl Sidecar {
     /// The sidecar that lies beside a stream, with its path; `None` when there is none.
     ///
     /// # Errors
-    /// As [`Sidecar::read`].
+    /// As [`Sidecar::read`]; [`Kind::Input`] for a link that leads elsewhere.
     pub fn beside(stream: &Path) -> Result<Option<(PathBuf, Self)>> {
-        let found = sidecar_paths(stream).into_iter().find(|path| path.is_file());
-        found.map(|path| Self::read(&path).map(|sidecar| (path, sidecar))).transpose()
+        sidecar_beside(stream)?.map(|path| Self::read(&path).map(|sidecar| (path, sidecar))).transpose()
     }
 
     /// Returns the paths and digests of the clear images that the sidecar at `path` lists, which lie in a folder beside it.

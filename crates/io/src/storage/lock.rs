@@ -72,7 +72,8 @@ impl LockFile {
                 return Ok(Self { path: None, _file: Some(file) });
             }
             let mut lock = Self { path: Some(path.to_path_buf()), _file: None };
-            write!(&file, "{TEXT}{}", std::process::id()).map_err(refused)?;
+            // In one call, so that a process that is killed leaves all of it or nothing.
+            (&file).write_all(format!("{TEXT}{}", std::process::id()).as_bytes()).map_err(refused)?;
             lock._file = Some(file);
             return Ok(lock);
         }
@@ -139,12 +140,14 @@ fn is_at(_: &File, path: &Path) -> bool {
     path.exists()
 }
 
-/// The process that the text of a lock file names, or zero of an empty one, which was left before it had a text; `None`
+/// The process that the text of a lock file names, or zero of one whose process was killed before it had
+/// written all of it; `None`
 /// for any other file.
 pub(super) fn process_in(path: &Path) -> Option<u32> {
     let small = fs::symlink_metadata(path).is_ok_and(|m| m.is_file() && m.len() < 64);
     let text = if small { fs::read_to_string(path).ok()? } else { return None };
-    if text.is_empty() { Some(0) } else { text.strip_prefix(TEXT)?.trim().parse().ok() }
+    // A killed process can have left the beginning of the text.
+    if TEXT.starts_with(&text) { Some(0) } else { text.strip_prefix(TEXT)?.trim().parse().ok() }
 }
 
 /// Whether a process holds a lock on the file; `None` where the file cannot be opened, or has no locks.
@@ -193,6 +196,18 @@ mod tests {
         fs::write(place(&output), "mine").unwrap();
         assert_eq!(LockFile::take(&output, &output).unwrap_err().kind(), Kind::Exists);
         assert_eq!(fs::read(place(&output)).unwrap(), b"mine");
+    }
+
+    #[test]
+    fn a_lock_whose_text_is_not_whole_is_that_of_a_killed_process() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(".run.dat.lock");
+        for (text, process) in
+            [("", Some(0)), ("proc", Some(0)), (TEXT, Some(0)), ("process 7", Some(7)), ("mine", None)]
+        {
+            fs::write(&path, text).unwrap();
+            assert_eq!(process_in(&path), process, "{text:?}");
+        }
     }
 
     #[cfg(unix)]
