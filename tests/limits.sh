@@ -29,8 +29,8 @@ cp "$program" ./spikelane
 program=$work/spikelane
 mount -t tmpfs -o size=192k tmpfs "$work/disk" 2>/dev/null && mounted=yes
 [ "$(id -u)" = 0 ] && command -v setpriv >/dev/null && unprivileged=yes
-[ -n "$unprivileged" ] || allowed setpriv "the column read-only needs root and setpriv"
-[ -n "$mounted" ] || allowed mount "the column disk needs a tmpfs"
+[ -n "$unprivileged" ] || missing setpriv "the column read-only, as root,"
+[ -n "$mounted" ] || missing mount "the column disk, on a tmpfs,"
 
 make_inputs
 # 400 kB as a stream, more than the small disk.

@@ -1,21 +1,6 @@
 # Inputs that tests/limits.sh and tests/strace.sh share. Sourced with `program` set to the program, in a folder with a folder `in`.
 
-# skip NAME REASON: ends the script. A missing tool is a failure, unless ALLOW_SKIP, a comma-separated list, names it.
-skip() {
-    case ",${ALLOW_SKIP:-}," in
-    *",$1,"*) echo "skipped: $2"; exit 0 ;;
-    esac
-    echo "failed: $2 (ALLOW_SKIP=$1 allows this)" >&2
-    exit 1
-}
-
-# allowed NAME REASON: goes on without a part of the checks, if ALLOW_SKIP names what is missing.
-allowed() {
-    case ",${ALLOW_SKIP:-}," in
-    *",$1,"*) echo "without: $2" ;;
-    *) skip "$1" "$2" ;;
-    esac
-}
+. "$(dirname "${BASH_SOURCE[0]}")/../.ci/skip.sh"
 
 # quiet ARGUMENTS: makes an input; without it the checks would check nothing.
 quiet() {
@@ -30,7 +15,7 @@ tiny="--kind tiny --sequences 2 --images 3 --label-every 2 $small"
 
 # Pictures, a recording set, a data set and a plan whose shards are made.
 make_inputs() {
-    command -v python3 >/dev/null || skip python3 "python3 is not installed"
+    command -v python3 >/dev/null || { missing python3 "the inputs of this script"; exit 0; }
 python3 - <<'PY'
 import struct, zlib
 def png(name, level):

@@ -17,4 +17,4 @@ pub use file::{Cursor, InputFile, MAX_TEXT_BYTES, if_found, read_bytes, read_tex
 pub use lines::Lines;
 pub use memory::{buffer, check_memory, zeroed};
 #[cfg(feature = "presets")]
-pub use names::{Access, InnerPath, PlainName};
+pub use names::{Access, InnerPath, PlainName, check_link};

@@ -206,7 +206,11 @@ impl fmt::Display for InnerPath {
     }
 }
 
-fn check_link(folder: &Path, path: &Path, access: Access) -> Result<()> {
+/// Checks that `path`, which lies below `folder`, may be used although it may be a link.
+///
+/// # Errors
+/// [`Kind::Input`] when it is a link that `access` does not allow.
+pub fn check_link(folder: &Path, path: &Path, access: Access) -> Result<()> {
     let is_link = std::fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink());
     if is_link && !allowed(folder, path, access) { Err(refused(path, access)) } else { Ok(()) }
 }

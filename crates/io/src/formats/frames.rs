@@ -49,7 +49,7 @@ impl Reader {
     ///
     /// # Errors
     /// [`Kind::Usage`](spikelane::Kind::Usage) when they are not all in the stream, [`Kind::Memory`](spikelane::Kind::Memory) when
-    /// there is no room for one of them.
+    /// memory for one of them is missing.
     pub fn frames(&self, readouts: Range<usize>) -> Result<Frames<'_>> {
         self.check(&readouts)?;
         let size = self.geometry().frame_bytes();

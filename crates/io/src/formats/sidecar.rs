@@ -8,7 +8,7 @@ use crate::formats::writer::own_sidecar;
 use crate::formats::{EVENTS, Layout};
 use spikelane::error::{Error, Kind, Result};
 use spikelane::spikes::Geometry;
-use spikelane::unstable::inputs::{MAX_TEXT_BYTES, read_bytes};
+use spikelane::unstable::inputs::{Access, MAX_TEXT_BYTES, check_link, read_bytes};
 
 /// What a sidecar says of a stream; keys it lacks are `None`, others are left alone.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -41,19 +41,13 @@ pub(super) fn beside(path: &Path) -> Result<Facts> {
 /// named the file that it leads to.
 pub fn found_beside(stream: &Path) -> Result<Option<PathBuf>> {
     let Some(found) = candidates(stream).into_iter().find(|path| path.is_file()) else { return Ok(None) };
-    if !found.is_symlink() {
-        return Ok(Some(found));
+    let folder = |path: &Path| path.canonicalize().ok().and_then(|real| real.parent().map(Path::to_owned));
+    match check_link(found.parent().unwrap_or(Path::new("")), &found, Access::Read) {
+        Err(e) if folder(&found) != folder(stream) => {
+            Err(e.remedy("put a copy there, or remove the link and give width, height and layout"))
+        }
+        _ => Ok(Some(found)),
     }
-    let real = |path: &Path| std::fs::canonicalize(path).map_err(|e| Error::io(path.display(), e));
-    let folder = found.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let target = real(&found)?;
-    if target.starts_with(real(folder)?) || target.parent() == real(stream)?.parent() {
-        return Ok(Some(found));
-    }
-    Err(Error::new(Kind::Input, found.display())
-        .found("a symbolic link that leaves its folder")
-        .expected("a sidecar beside its stream")
-        .remedy("put a copy there, or remove the link and give width, height and layout"))
 }
 
 /// Where the sidecar of a stream may lie, the likeliest first.

@@ -71,7 +71,7 @@ impl Source {
     /// Returns the bytes of `range`, which lies before the end.
     ///
     /// # Errors
-    /// As [`InputFile::read_at`]; [`Kind::Memory`] when there is no room for them.
+    /// As [`InputFile::read_at`]; [`Kind::Memory`] where memory for them is missing.
     pub(super) fn bytes(&self, range: Range<usize>) -> Result<Cow<'_, [u8]>> {
         match self {
             Self::File { file, .. } => {
@@ -112,7 +112,7 @@ impl Buffers {
     /// Calls `work` with a buffer of `len` bytes, whose content is what its last user left.
     ///
     /// # Errors
-    /// [`Kind::Memory`] when there is no room; otherwise those of `work`.
+    /// [`Kind::Memory`] where memory is missing; otherwise those of `work`.
     pub(super) fn with<T>(&self, len: usize, work: impl FnOnce(&mut [u8]) -> Result<T>) -> Result<T> {
         let mut buffer = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
         if buffer.len() < len {

@@ -5,6 +5,7 @@ use std::io::{self, ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use super::platform::{same_file, without_links};
 use spikelane::error::{Error, Kind, Result};
 
 /// A process that lists locks holds each of them for a moment.
@@ -107,15 +108,7 @@ fn create(path: &Path) -> io::Result<File> {
 
 /// Opens a lock file that is there: never through a link, and without waiting for a pipe.
 fn open(path: &Path) -> io::Result<File> {
-    let mut options = File::options();
-    options.read(true);
-    #[cfg(unix)]
-    {
-        use rustix::fs::OFlags;
-        use std::os::unix::fs::OpenOptionsExt as _;
-        options.custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits().cast_signed());
-    }
-    let file = options.open(path)?;
+    let file = without_links(File::options().read(true)).open(path)?;
     if file.metadata()?.is_file() { Ok(file) } else { Err(ErrorKind::InvalidInput.into()) }
 }
 
@@ -127,22 +120,15 @@ fn not_a_lock(path: &Path, found: impl std::fmt::Display) -> Error {
 }
 
 /// Whether the name still belongs to this file.
-#[cfg(unix)]
 fn is_at(file: &File, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt as _;
-    let id = |m: fs::Metadata| (m.dev(), m.ino());
-    let (own, named) = (file.metadata().map(id), fs::symlink_metadata(path).map(id));
-    matches!((own, named), (Ok(a), Ok(b)) if a == b)
+    match (file.metadata(), fs::symlink_metadata(path)) {
+        (Ok(own), Ok(named)) => same_file(&own, &named) != Some(false),
+        _ => false,
+    }
 }
 
-#[cfg(not(unix))]
-fn is_at(_: &File, path: &Path) -> bool {
-    path.exists()
-}
-
-/// The process that the text of a lock file names, or zero of one whose process was killed before it had
-/// written all of it; `None`
-/// for any other file.
+/// Returns the process that a lock file names, zero where that process was killed before it had written its number, and
+/// `None` for any other file.
 pub(super) fn process_in(path: &Path) -> Option<u32> {
     let small = fs::symlink_metadata(path).is_ok_and(|m| m.is_file() && m.len() < 64);
     let text = if small { fs::read_to_string(path).ok()? } else { return None };

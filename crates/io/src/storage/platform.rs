@@ -128,6 +128,18 @@ pub fn same_file(one: &Metadata, other: &Metadata) -> Option<bool> {
     }
 }
 
+/// Lets `options` open no symbolic link, and wait for no pipe; of no effect on Windows.
+pub(super) fn without_links(options: &mut OpenOptions) -> &mut OpenOptions {
+    #[cfg(unix)]
+    {
+        use rustix::fs::OFlags;
+        use std::os::unix::fs::OpenOptionsExt as _;
+        let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY;
+        options.custom_flags(flags.bits().cast_signed());
+    }
+    options
+}
+
 /// Opens a file of the program's own without following a link and without waiting for a pipe.
 ///
 /// # Errors
@@ -141,11 +153,8 @@ pub fn open_own(options: &mut OpenOptions, path: &Path) -> Result<File> {
     };
     #[cfg(unix)]
     let opened = {
-        use rustix::fs::OFlags;
         use rustix::io::Errno;
-        use std::os::unix::fs::OpenOptionsExt as _;
-        let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY;
-        options.custom_flags(flags.bits().cast_signed()).open(path).map_err(|e| {
+        without_links(options).open(path).map_err(|e| {
             match e.raw_os_error().map(Errno::from_raw_os_error) {
                 Some(Errno::LOOP) => refused("a symbolic link"),
                 // A pipe without a reader, or a socket.

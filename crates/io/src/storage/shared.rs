@@ -31,7 +31,7 @@ impl Shared {
     /// Makes the file `path` of `words` zero words, its blocks reserved, and maps it. Other users may not open it.
     ///
     /// # Errors
-    /// [`Kind::Exists`] when it is there already, [`Kind::Space`] when there is no room, and what the operating system refuses.
+    /// [`Kind::Exists`] when it is there already, [`Kind::Space`] when the disk is full, and what the operating system refuses.
     pub fn create(path: &Path, words: usize) -> Result<Self> {
         let io = |e| Error::io(path.display(), e);
         let mut options = OpenOptions::new();

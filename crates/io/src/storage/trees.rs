@@ -3,6 +3,7 @@
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
+#[cfg(feature = "record-steps")]
 use super::steps::record;
 use super::steps::{io, sync_file, sync_folder};
 use spikelane::error::Result;
@@ -51,6 +52,7 @@ fn remove_path(path: &Path) -> Result<()> {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
         other => other.map_err(io(path))?,
     }
+    #[cfg(feature = "record-steps")]
     record::add(record::Step::Remove(path.to_owned()));
     Ok(())
 }

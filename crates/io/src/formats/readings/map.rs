@@ -18,7 +18,7 @@ impl Bits {
     /// Counters of frames of `bytes` bytes, at 0.
     ///
     /// # Errors
-    /// [`Kind::Memory`](spikelane::Kind::Memory) when there is no room for them.
+    /// [`Kind::Memory`](spikelane::Kind::Memory) where memory for them is missing.
     pub(super) fn new(bytes: usize) -> Result<Self> {
         inputs::zeroed("counts of a frame's bits", 8 * bytes).map(Self)
     }
