@@ -5,7 +5,7 @@ use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use crate::Split;
 use spikelane::error::{Error, Kind, Result};
@@ -143,12 +143,13 @@ impl Manifest {
         let file = InputFile::open(&path)?;
         let bad = |e: serde_json::Error| Error::new(Kind::Config, path.display()).found(e);
         let mut lines = Lines::new(&file, MAX_TEXT_BYTES);
-        let mut head: Value = serde_json::from_slice(lines.next_line()?.unwrap_or_default()).map_err(bad)?;
+        let mut head: Map<String, Value> =
+            serde_json::from_slice(lines.next_line()?.unwrap_or_default()).map_err(bad)?;
         let mut entries = Vec::new();
         while let Some(line) = lines.next_line()? {
             entries.push(serde_json::from_slice(line).map_err(bad)?);
         }
-        Ok(Self { options: head["options"].take(), entries })
+        Ok(Self { options: head.remove("options").unwrap_or_default(), entries })
     }
 
     /// Writes it, whole or not at all.

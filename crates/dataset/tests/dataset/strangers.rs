@@ -7,7 +7,7 @@ use std::path::Path;
 use serde_json::Value;
 use spikelane::{Error, Kind};
 use spikelane_dataset::shards::{self, Merging, Plan, Running};
-use spikelane_dataset::{self as dataset, DatasetOptions};
+use spikelane_dataset::{self as dataset, DatasetOptions, Manifest};
 use spikelane_io::storage::Digest;
 
 use crate::make::{clip, drives, inputs, make, options};
@@ -61,6 +61,17 @@ fn an_id_split_or_shard_of_a_manifest_that_leads_outside_is_refused() {
         fs::write(out.join("manifest.jsonl"), format!("{whole}{entry}\n")).unwrap();
         let error = make(&options(&out, drives(1)).with_resume(true)).unwrap_err();
         assert_eq!(error.kind(), Kind::Config, "{key} = {value}: {error}");
+    }
+}
+
+/// `value["options"]` panics if the value is neither an object nor null.
+#[test]
+fn a_manifest_whose_first_line_is_no_object_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    for head in ["0", "\"options\"", "[{}]", "true", "null"] {
+        fs::write(dir.path().join("manifest.jsonl"), format!("{head}\n")).unwrap();
+        let error = Manifest::read(dir.path()).unwrap_err();
+        assert_eq!(error.kind(), Kind::Config, "{head}: {error}");
     }
 }
 
