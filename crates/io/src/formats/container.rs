@@ -4,6 +4,9 @@
 //! bytes, and text, give way to a layout that the caller names.
 
 use spikelane::error::{Error, Kind};
+use spikelane::unstable::npy::MAGIC as ARRAY_MAGIC;
+
+use crate::ARCHIVE_MAGIC;
 
 /// A format that is not a spike stream, and the remedy for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,8 +54,12 @@ const FORMATS: &[(Signature, &str, &str)] = &[
     (&[(0, b"version https://git-lfs")], "a Git LFS pointer, not the file itself", POINTER),
 ];
 
-/// Returns the format of a file that begins with `bytes`, if it is none of NumPy's and known here.
+/// Returns the format of a file that begins with `bytes`, if it is not one of NumPy's and its signature is known.
 pub(super) fn of(bytes: &[u8]) -> Option<Container> {
+    // Spikes inside of an array may look like the signature of a format that begins with any bytes.
+    if bytes.starts_with(ARRAY_MAGIC) || bytes.starts_with(ARCHIVE_MAGIC) {
+        return None;
+    }
     let matches = |signature: Signature| {
         signature.iter().all(|(at, part)| bytes.get(*at..).is_some_and(|b| b.starts_with(part)))
     };
@@ -133,6 +140,16 @@ mod tests {
         let mut matlab = vec![b' '; 512];
         matlab.extend(b"\x89HDF\r\n\x1a\n\0\0\0\0");
         assert!(of(&matlab).is_some_and(|c| c.name.contains("HDF5")));
+    }
+
+    #[test]
+    fn an_array_whose_spikes_spell_a_signature_is_no_other_format() {
+        for magic in [ARRAY_MAGIC, ARCHIVE_MAGIC] {
+            let mut bytes = magic.to_vec();
+            bytes.resize(512, b' ');
+            bytes.extend(b"\x89HDF\r\n\x1a\n\0\0\0\0");
+            assert_eq!(of(&bytes), None);
+        }
     }
 
     #[test]
